@@ -1,0 +1,1 @@
+"""What an engineer computes from signals: pure functions of arrays."""

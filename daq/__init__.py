@@ -1,0 +1,1 @@
+"""Acquires the rig's channels, drives and protects it, and publishes everything."""

@@ -1,0 +1,1 @@
+"""Rig descriptions and plans that ship with rigtwin, as data."""

@@ -1,0 +1,1 @@
+"""Runs the contact model beside the stream; records; shows."""
