@@ -1,0 +1,7 @@
+"""`python -m rigtwin` is the command line."""
+
+import sys
+
+from rigtwin.cli import main
+
+sys.exit(main())

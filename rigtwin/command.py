@@ -1,0 +1,114 @@
+"""`rigtwin command ...` and `rigtwin shutdown`: talk to the rig that is running."""
+
+import argparse
+import getpass
+import json
+import os
+import signal
+import time
+
+END_WAIT = 60.0  # s that an orderly end may take
+
+
+def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add `command` and `shutdown` to the command line."""
+    parser = commands.add_parser(
+        "command",
+        help="talk to the running rig: arm, speed, hit, stop, trip, reset, mark",
+        description="Talk to the rig that is running. Whoever may command may stop: stop and trip need no lease.",
+    )
+    parser.add_argument("--rig", metavar="NAME", help="which rig, where several run")
+    parser.add_argument("--json", action="store_true", help="print the answer as JSON")
+    parser.set_defaults(run=run)
+    names = parser.add_subparsers(title="commands", metavar="NAME", dest="name", required=True)
+    names.add_parser("arm", help="take the lease, so that the rotor may move")
+    speed = names.add_parser("speed", help="go to a speed by a ramp")
+    speed.add_argument("speed_hz", type=float, metavar="HZ")
+    speed.add_argument("--ramp", type=float, dest="ramp_hz_per_s", metavar="HZ/S", help="default: the rig's")
+    hit = names.add_parser("hit", help="hit the shaft with a solenoid")
+    hit.add_argument("--solenoid", default="", help="default: the rig's first")
+    hit.add_argument("--force", type=float, required=True, metavar="N", help="peak of the half sine")
+    hit.add_argument("--duration", type=float, default=0.010, metavar="S", help="default: 0.010")
+    names.add_parser("stop", help="bring the rotor to rest and disarm; recording goes on")
+    names.add_parser("trip", help="bring the rotor to rest at once and latch it")
+    names.add_parser("reset", help="clear a latched trip whose cause is gone")
+    mark = names.add_parser("mark", help="write a remark into the recording")
+    mark.add_argument("text")
+
+    shutdown = commands.add_parser("shutdown", help="end the running rig in order")
+    shutdown.add_argument("--rig", metavar="NAME", help="which rig, where several run")
+    shutdown.set_defaults(run=run_shutdown)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Send one command to the operator of the running rig, or to the daq itself when there is none."""
+    from daq.messages_pb2 import Answer
+    from daq.runtime import running
+
+    record = running(options.rig)
+    answer: Answer = send(record, options.name, *arguments_of(options, record["toml"]))
+    if options.json:
+        print(json.dumps({"accepted": answer.accepted, "text": answer.text, "sample": answer.sample}))
+    else:
+        print(answer.text if answer.accepted else f"refused: {answer.text}")
+    return 0 if answer.accepted else 1
+
+
+def arguments_of(options: argparse.Namespace, toml: str) -> tuple[dict[str, float], dict[str, str]]:
+    """The command's numbers and texts as messages carry them."""
+    names = ("speed_hz", "ramp_hz_per_s", "force", "duration")
+    values = {name: value for name in names if (value := getattr(options, name, None)) is not None}
+    texts = {"text": options.text} if options.name == "mark" else {}
+    if options.name == "hit":
+        texts["solenoid"] = options.solenoid or first_solenoid(toml)
+    return values, texts
+
+
+def first_solenoid(toml: str) -> str:
+    """Name of the first solenoid of a rig description."""
+    import tomllib
+
+    return next((row["name"] for row in tomllib.loads(toml).get("solenoid", [])), "")
+
+
+def send(record: dict, name: str, values: dict[str, float], texts: dict[str, str]):  # noqa: ANN201
+    """Ask the operator, which holds the lease; stop and trip reach the daq even when it is gone."""
+    from daq import keys
+    from daq.link import Link, NoAnswer, endpoint
+    from daq.messages_pb2 import Answer, Command
+
+    rig = record["rig"]
+    message = Command(name=name, who=getpass.getuser(), values=values, texts=texts).SerializeToString()
+    with Link(connect=[endpoint(record["host"], record[port]) for port in ("operator", "control")]) as link:
+        link.wait_connected(5.0)
+        try:
+            return Answer.FromString(link.ask(keys.operator_command(rig, name), message, timeout=2.0))
+        except NoAnswer:
+            if name not in ("stop", "trip", "mark"):
+                raise
+            return Answer.FromString(link.ask(keys.command(rig, name), message, timeout=2.0))
+
+
+def run_shutdown(options: argparse.Namespace) -> int:
+    """Ask the running rig's daq to end in order, and wait until it has."""
+    from daq.runtime import running
+
+    record = running(options.rig)
+    os.kill(record["pid"], signal.SIGTERM)
+    deadline = time.monotonic() + END_WAIT
+    while time.monotonic() < deadline:
+        if not alive(record["pid"]):
+            print(f"{record['rig']} has ended")
+            return 0
+        time.sleep(0.1)
+    print(f"{record['rig']} (process {record['pid']}) is still ending after {END_WAIT:.0f} s")
+    return 1
+
+
+def alive(pid: int) -> bool:
+    """Whether a process of that id exists."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True

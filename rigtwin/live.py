@@ -1,0 +1,201 @@
+"""`rigtwin live`: supervise a run of daq, recorder, twin, display and operator."""
+
+import argparse
+from datetime import UTC, datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from daq.plan import Plan
+    from daq.rig import Rig
+    from rigtwin.supervisor import Supervisor
+
+FOLDER = Path("recordings")
+END_ORDER = ("operator", "daq", "recorder", "twin", "display")
+
+
+def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add `live` to the command line."""
+    parser = commands.add_parser(
+        "live",
+        help="run the rig: acquire, protect, record, twin, show",
+        description="Run the rig (the emulated one unless its description names a device): acquire, protect, "
+        "publish, record, run the twin beside it and show it. Ctrl-C ends the run in order: the rotor is "
+        "brought to rest and the recording is closed and certified.",
+    )
+    add_rig_options(parser)
+    parser.add_argument("--plan", help="plan to perform: a shipped name, a TOML file, or none (default: the rig's)")
+    parser.add_argument("--duration", type=float, metavar="S", help="end the run after this many seconds")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--record", type=Path, metavar="PATH", help="recording to write (default: recordings/...)")
+    where.add_argument("--no-record", action="store_true", help="keep no recording")
+    add_view_option(parser)
+    parser.set_defaults(run=run)
+
+
+def add_rig_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say which rig, and with which changes."""
+    parser.add_argument("--rig", default="thesis-ball", metavar="NAME|PATH", help="rig (default: thesis-ball)")
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of the emulated rig's noise")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="TABLE.KEY=VALUE",
+        help="change the rig description for this run, e.g. emulator.actual.rotor.unbalance_angle=2.1",
+    )
+
+
+def add_view_option(parser: argparse.ArgumentParser) -> None:
+    """Add the option that says how to show the run."""
+    parser.add_argument(
+        "--view", choices=("web", "native", "none"), default="web", help="viewer: a local web page (default), ..."
+    )
+
+
+def rig_of(options: argparse.Namespace) -> "Rig":
+    """Load the rig that the options name, with their changes."""
+    from daq.rig import load_rig
+
+    seed = [] if options.seed is None else [f"emulator.seed={options.seed}"]
+    return load_rig(options.rig, [*seed, *options.set])
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the rig; return 0 when all went as planned, 1 when the plan was cut short or something failed."""
+    from daq.runtime import refuse_second
+    from rigtwin.supervisor import StopRequest
+
+    rig = rig_of(options)
+    plan = plan_of(options, rig)
+    refuse_second(rig.name)
+    rig = with_free_ports(rig)
+    path = None if options.no_record else new_recording(options.record, rig.name)
+    with TemporaryDirectory(prefix="rigtwin-") as folder, StopRequest() as stop:
+        supervisor = start(rig, plan, path, options, Path(folder))
+        over = end_condition(supervisor, plan, options.duration)
+        try:
+            supervisor.run(stop, over)
+        finally:
+            if stop.made:
+                supervisor.screen.line("ending in order: rotor to rest, recording closed")
+            supervisor.finish(END_ORDER)
+    return report(supervisor, path)
+
+
+def plan_of(options: argparse.Namespace, rig: "Rig") -> "Plan | None":
+    """The plan to perform. Without an option that is the rig's own, but only on an emulated rig."""
+    from daq.plan import load_plan
+
+    if options.plan == "none" or (options.plan is None and not (rig.emulated and rig.plan)):
+        return None
+    return load_plan(options.plan or rig.plan, rig)
+
+
+def with_free_ports(rig: "Rig") -> "Rig":
+    """Return the rig with free ports in place of zeros."""
+    from daq.link import free_ports
+    from daq.rig import with_ports
+
+    wanted = [name for name in ("daq", "control", "twin", "operator") if getattr(rig.link, name) == 0]
+    return with_ports(rig, dict(zip(wanted, free_ports(len(wanted)), strict=True)))
+
+
+def new_recording(path: Path | None, rig: str) -> Path:
+    """The recording to write, which must not exist, in a folder that can be written."""
+    from daq.recording import prepare
+
+    if path is None:
+        path = FOLDER / f"{rig}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.mcap"
+    return prepare(path)
+
+
+def start(
+    rig: "Rig", plan: "Plan | None", path: Path | None, options: argparse.Namespace, folder: Path
+) -> "Supervisor":
+    """Start the processes of the run."""
+    from rigtwin.crew import Crew
+    from rigtwin.supervisor import Supervisor, write_rig
+
+    crew = Crew(folder)
+    toml = write_rig(rig, folder)
+    waits = ["operator"]
+    restart = {"operator": lambda: ["daq", "operate", "--rig", toml]}
+    if path is not None:
+        crew.start("recorder", "twin", "record", "--rig", toml, "--file", str(path))
+        waits.append("recorder")
+        restart["recorder"] = lambda: next_recorder(toml, path)
+    if rig.twin.model != "none":
+        twin = ["twin", "observe", "--rig", toml]
+        crew.start("twin", *twin)
+        waits.append("twin")
+        restart["twin"] = lambda: twin
+    crew.start("daq", "daq", "acquire", "--rig", toml, "--wait-for", ",".join(waits))
+    planned = ["--plan", options.plan or rig.plan] if plan else []
+    crew.start("operator", "daq", "operate", "--rig", toml, *planned)
+    supervisor = Supervisor(rig, crew, essential=["daq"], restart=restart, recording=path is not None)
+    greet(supervisor, rig, plan, path)
+    if options.view != "none":
+        start_display(supervisor, options.view, toml)
+    return supervisor
+
+
+def greet(supervisor: "Supervisor", rig: "Rig", plan: "Plan | None", path: Path | None) -> None:
+    """Say what is about to run."""
+    mode = "EMULATED" if rig.emulated else "LIVE"
+    supervisor.screen.line(f"{mode} {rig.name}: {rig.description}")
+    if plan is None:
+        supervisor.screen.line("no plan: nothing moves until `rigtwin command arm`; Ctrl-C ends the run")
+    else:
+        supervisor.screen.line(f"plan {plan.name}, about {plan.expected_duration(rig):.0f} s: {plan.description}")
+    if path is not None:
+        supervisor.screen.line(f"recording {path}")
+    supervisor.screen.line("starting (the first start compiles the model, which takes about half a minute)")
+
+
+def start_display(supervisor: "Supervisor", view: str, toml: str) -> None:
+    """Start the display and print its address; without one the run goes on."""
+    from daq.link import free_ports
+
+    grpc, web = free_ports(2)
+    arguments = ["twin", "display", "--rig", toml, "--view", view, "--grpc-port", str(grpc), "--web-port", str(web)]
+    supervisor.add("display", arguments)
+    if view == "web":
+        supervisor.announce("display", "http://", "watch it at ")
+
+
+def next_recorder(toml: str, path: Path) -> list[str]:
+    """Arguments of a recorder that goes on where the one before it ended."""
+    from twin.recorder import next_part
+
+    part_path, part, after = next_part(path)
+    return ["twin", "record", "--rig", toml, "--file", str(path), "--part", str(part), "--after", str(after)]
+
+
+def end_condition(supervisor: "Supervisor", plan: "Plan | None", duration: float | None) -> "Callable[[], bool]":
+    """Return a function that says whether the run is over by itself."""
+    picture = supervisor.monitor.picture
+
+    def over() -> bool:
+        planned = plan is not None and picture.plan_over is not None
+        return planned or (duration is not None and picture.time >= duration)
+
+    return over
+
+
+def report(supervisor: "Supervisor", path: Path | None) -> int:
+    """Say what came of the run; return the exit code."""
+    screen, picture = supervisor.screen, supervisor.monitor.picture
+    failed = supervisor.failed or (picture.plan_over if picture.aborted else "")
+    if path is not None and path.exists():
+        from replay.info import brief, parts
+
+        for part in parts(path):
+            screen.line(brief(part))
+        screen.line(f"see it again: rigtwin replay {path}")
+    if failed:
+        screen.line(f"the run did not go as planned: {failed}")
+    return 1 if failed else 0

@@ -1,0 +1,67 @@
+"""The line that `rigtwin live` and `rigtwin replay` keep up to date, and the events above it."""
+
+import sys
+from typing import TextIO
+
+from daq.messages_pb2 import Event, Severity
+from rigtwin.monitor import Picture
+
+QUIET_KINDS = {"start", "summary"}
+PLAIN_PERIOD = 5.0  # s of the run between two lines where the output is not a terminal
+
+
+def status_text(picture: Picture, gap: float | None, recording: bool) -> str:
+    """One line: time, speed, orbit against the gap (m), contact force, regime, samples, loss, lag."""
+    orbit = f"orbit {picture.radius * 1e6:5.0f} µm"
+    if gap is not None:
+        orbit += f" of {gap * 1e6:.0f} µm"
+    parts = [
+        f"{picture.time:7.2f} s",
+        f"{picture.speed_hz:5.2f} Hz",
+        orbit,
+        f"contact {picture.contact_force:5.1f} N",
+        f"{picture.regime or picture.state:<16}",
+    ]
+    if recording:
+        parts.append(f"recorded {picture.recorded:,} samples, lost {picture.lost:,}")
+    parts.append(f"{picture.lag * 1e3:.0f} ms behind")
+    return " | ".join(parts)
+
+
+def event_text(event: Event, rate: float) -> str:
+    """One event as a line, with its time in the run."""
+    mark = {Severity.WARNING: "warning: ", Severity.ALARM: "ALARM: "}.get(event.severity, "")
+    return f"{event.sample / rate:7.2f} s  {mark}{event.text}"
+
+
+class StatusLine:
+    """Writes events as lines and, under them, one line that is rewritten in place.
+
+    Where the output is no terminal, the status is printed as a line of its own every few seconds.
+    """
+
+    def __init__(self, output: TextIO | None = None) -> None:
+        self._output = output or sys.stdout
+        self._in_place = self._output.isatty()
+        self._width = 0
+        self._next_plain = 0.0
+
+    def show(self, text: str, time: float) -> None:
+        """Show the status at `time` seconds of the run."""
+        if self._in_place:
+            self._write("\r" + text.ljust(self._width))
+            self._width = len(text)
+        elif time >= self._next_plain:
+            self._next_plain = time + PLAIN_PERIOD
+            self._write(text + "\n")
+
+    def line(self, text: str) -> None:
+        """Write one lasting line above the status."""
+        if self._in_place and self._width:
+            self._write("\r" + " " * self._width + "\r")
+            self._width = 0
+        self._write(text + "\n")
+
+    def _write(self, text: str) -> None:
+        self._output.write(text)
+        self._output.flush()
