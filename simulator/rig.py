@@ -8,23 +8,26 @@ description stays quick; numba's kernels take a `Model` as it is.
 """
 
 from collections.abc import Mapping
-from difflib import get_close_matches
 from enum import IntEnum
-from math import isfinite
-from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
+from simulator.validation import NAME, Quantity, RigError, tuple_at
 
-class RigError(ValueError):
-    """A rig description that cannot be: the message names table, key, value and what is allowed."""
-
-
-class Quantity(NamedTuple):
-    """Unit, allowed closed range and meaning of one number of a rig description."""
-
-    unit: str
-    low: float
-    high: float
-    meaning: str
+__all__ = [
+    "BackupBearing",
+    "BearingKind",
+    "DampingMode",
+    "Drive",
+    "DriveMode",
+    "Housing",
+    "MagneticBearing",
+    "Model",
+    "Quantity",
+    "RigError",
+    "Rotor",
+    "Solenoid",
+    "model_from_mapping",
+]
 
 
 class BearingKind(IntEnum):
@@ -61,10 +64,14 @@ class Rotor(NamedTuple):
     disk_station: Annotated[float, Quantity("m", 1e-3, 5.0, "disk, probes and unbalance [l_D = l_U]")]
     magnet_station: Annotated[float, Quantity("m", 1e-3, 5.0, "magnetic bearing [l_Q]")]
     coupling_station: Annotated[float, Quantity("m", -5.0, 5.0, "motor coupling, behind the pivot [l_C]")]
-    coupling_force: Annotated[float, Quantity("N", -1e4, 1e4, "vertical force of the coupling, up positive [F_C]")]
+    coupling_force: Annotated[
+        float, Quantity("N", -1e4, 1e4, "vertical force of the coupling, up positive [F_C]")
+    ]
     pivot_stiffness: Annotated[float, Quantity("N m/rad", 0.0, 1e6, "weak torsional spring [k_t]")]
     unbalance: Annotated[float, Quantity("kg m", 0.0, 1.0, "mass times eccentricity in the disk plane [U]")]
-    unbalance_angle: Annotated[float, Quantity("rad", -10.0, 10.0, "from the encoder's zero, with rotation [phi]")]
+    unbalance_angle: Annotated[
+        float, Quantity("rad", -10.0, 10.0, "from the encoder's zero, with rotation [phi]")
+    ]
     gravity: Annotated[float, Quantity("m/s2", 0.0, 30.0, "acceleration along -y [g]")]
 
 
@@ -89,7 +96,9 @@ class BackupBearing(NamedTuple):
     restitution: Annotated[float, Quantity("1", 0.0, 1.0, "coefficient of restitution, mode latched [c_e]")]
     friction: Annotated[float, Quantity("1", 0.0, 2.0, "Coulomb coefficient [mu]")]
     slip_speed: Annotated[float, Quantity("m/s", 1e-5, 1.0, "below which friction is regularised [v_eps]")]
-    ring_inertia: Annotated[float, Quantity("kg m2", 0.0, 1e3, "inner ring and balls; ball bearing only [I_ir]")]
+    ring_inertia: Annotated[
+        float, Quantity("kg m2", 0.0, 1e3, "inner ring and balls; ball bearing only [I_ir]")
+    ]
     ring_damping: Annotated[float, Quantity("N m s", 0.0, 1e3, "drag of the ring; ball bearing only [c_ir]")]
     pin_tip_radius: Annotated[float, Quantity("m", 0.0, 10.0, "sphere at a pin's tip; pinned only [r_t]")]
 
@@ -127,7 +136,7 @@ class Model(NamedTuple):
 class Solenoid(NamedTuple):
     """An actuator that can hit the shaft with a half-sine force pulse."""
 
-    name: str
+    name: NAME
     station: Annotated[float, Quantity("m", 1e-3, 5.0, "where it hits [l_hit]")]
     angle_deg: Annotated[float, Quantity("deg", -360.0, 360.0, "direction of the force, from +x towards +y")]
     max_force: Annotated[float, Quantity("N", 0.0, 1e5, "largest peak that may be commanded")]
@@ -135,71 +144,15 @@ class Solenoid(NamedTuple):
     force_per_ampere: Annotated[float, Quantity("N/A", 1e-3, 1e5, "turns the current channel into a force")]
 
 
-def model_from_mapping(tables: Mapping[str, Mapping[str, Any]]) -> Model:
-    """Validate the tables `rotor` ... `drive` and return the `Model`. Raises `RigError`."""
+def model_from_mapping(tables: Mapping[str, Mapping[str, Any]], parent: str = "") -> Model:
+    """Validate the tables `rotor` ... `drive` and return the `Model`.
+
+    `parent` is the table that holds them, for messages: "" or, say, "emulator.actual". Raises `RigError`.
+    """
+    prefix = f"{parent}." if parent else ""
     parts = {}
     for name, part in get_type_hints(Model).items():
         if name not in tables:
-            raise RigError(f"table [{name}] is missing; it holds: {', '.join(part._fields)}")
-        parts[name] = tuple_from_mapping(part, tables[name], name)
+            raise RigError(f"table [{prefix}{name}] is missing; it holds: {', '.join(part._fields)}")
+        parts[name] = tuple_at(part, tables[name], f"[{prefix}{name}]")
     return Model(**parts)
-
-
-def tuple_from_mapping(kind: type, table: Mapping[str, Any], name: str) -> Any:
-    """Validate one table against the named tuple `kind` and return the tuple. Raises `RigError`."""
-    if not isinstance(table, Mapping):
-        raise RigError(f"[{name}] must be a table, not {table!r}")
-    hints = get_type_hints(kind, include_extras=True)
-    for key in table:
-        if key not in hints:
-            raise RigError(f"[{name}] {key} is not a key of this table{nearest(key, hints)}")
-    missing = [key for key in hints if key not in table]
-    if missing:
-        raise RigError(f"[{name}] lacks {describe(missing[0], hints[missing[0]])}")
-    return kind(**{key: value_of(hint, table[key], f"[{name}] {key}") for key, hint in hints.items()})
-
-
-def value_of(hint: Any, value: Any, place: str) -> Any:
-    """Check one value against its annotation: a `Quantity`, an enumeration's name or a plain string."""
-    if get_origin(hint) is Annotated:
-        return number(value, get_args(hint)[1], place)
-    if isinstance(hint, type) and issubclass(hint, IntEnum):
-        return choice(value, hint, place)
-    if not isinstance(value, str) or not value:
-        raise RigError(f"{place} = {value!r} must be a non-empty text")
-    return value
-
-
-def number(value: Any, quantity: Quantity, place: str) -> float:
-    """Return `value` as a float within the quantity's range. Raises `RigError`."""
-    unit = "" if quantity.unit == "1" else f" {quantity.unit}"
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise RigError(f"{place} = {value!r} must be a number{' in' + unit if unit else ''}: {quantity.meaning}")
-    if not (isfinite(value) and quantity.low <= value <= quantity.high):
-        allowed = f"{quantity.low:g} to {quantity.high:g}{unit}"
-        raise RigError(f"{place} = {value:g} is outside {allowed}: {quantity.meaning}; check its unit and sign")
-    return float(value)
-
-
-def choice(value: Any, kind: type[IntEnum], place: str) -> int:
-    """Return the enumeration's number for its lower-case name. Raises `RigError`."""
-    names = {member.name.lower(): int(member) for member in kind}
-    if not isinstance(value, str) or value not in names:
-        raise RigError(f"{place} = {value!r} must be one of {', '.join(names)}")
-    return names[value]
-
-
-def describe(key: str, hint: Any) -> str:
-    """Name a key together with what it must hold."""
-    if get_origin(hint) is Annotated:
-        quantity = get_args(hint)[1]
-        return f"{key} ({quantity.unit}): {quantity.meaning}"
-    if isinstance(hint, type) and issubclass(hint, IntEnum):
-        return f"{key}: one of {', '.join(member.name.lower() for member in hint)}"
-    return key
-
-
-def nearest(key: str, known: Any) -> str:
-    """Suggest the right name for a misspelt one, or list the right names."""
-    close = get_close_matches(str(key), list(known), n=1)
-    return f"; did you mean {close[0]}?" if close else f"; its keys are {', '.join(known)}"

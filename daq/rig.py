@@ -1,0 +1,320 @@
+"""A rig: everything that its description (`rigs/*.toml`) says, validated and in SI units.
+
+`load_rig` reads a shipped rig by name or a file by path. `Rig.toml` is the description with its base
+and all overrides resolved: it travels with recordings, and `rig_from_text` makes an equal rig of it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from ipaddress import AddressValueError, IPv4Address
+from math import isclose, tau
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import tomli_w
+
+from daq import toml_source
+from daq.channels import Channel, ChannelTable, checked_table
+from daq.settings import (
+    NO_LIMIT,
+    AcquisitionSettings,
+    CommandSettings,
+    DisplacementLimit,
+    EmulatorSettings,
+    EncoderSettings,
+    ForceLimit,
+    Limit,
+    Limits,
+    LinkSettings,
+    SafeStateSettings,
+    SpeedLimit,
+    TwinSettings,
+)
+from simulator.rig import Model, Solenoid, model_from_mapping
+from simulator.validation import NAME, RigError, nearest, tuple_at
+
+__all__ = ["Rig", "RigError", "load_rig", "rig_from_text", "shipped_rigs", "with_ports"]
+
+MODEL_TABLES = Model._fields
+TABLES = (
+    "rig", *MODEL_TABLES, "command", "safe_state", "solenoid", "acquisition", "encoder", "channel", "limits",
+    "twin", "link", "emulator",
+)  # fmt: skip
+NEEDED_BY_TWIN = ("proximity_x", "proximity_y", "encoder_angle", "motor_speed")
+
+
+class Head(NamedTuple):
+    """Table `[rig]`."""
+
+    name: NAME
+    description: str
+    plan: str
+
+
+@dataclass(frozen=True)
+class Rig:
+    """One rig, immutable. Lengths m, forces N, angles rad, speeds rad/s, ramps rad/s2."""
+
+    name: str
+    description: str
+    plan: str  # performed when none is named
+    model: Model | None  # what the twin is told; None for a rig without a model
+    solenoids: tuple[Solenoid, ...]
+    channels: ChannelTable
+    acquisition: AcquisitionSettings
+    command: CommandSettings
+    safe_state: SafeStateSettings
+    limits: Limits
+    encoder: EncoderSettings | None  # None for a rig without one
+    twin: TwinSettings
+    link: LinkSettings
+    emulator: EmulatorSettings
+    actual: Model | None  # the emulated rig where it differs from `model`
+    toml: str
+
+    @property
+    def emulated_model(self) -> Model:
+        """Model of the emulated rig. Raises `RigError` when the rig has no model."""
+        if self.model is None:
+            raise RigError(f"{self.name} has no model to emulate; add the tables {', '.join(MODEL_TABLES)}")
+        return self.actual or self.model
+
+    @cached_property
+    def solenoid_names(self) -> tuple[str, ...]:
+        """Names of the solenoids."""
+        return tuple(solenoid.name for solenoid in self.solenoids)
+
+    def solenoid(self, name: str) -> Solenoid:
+        """Return a solenoid by name. Raises `RigError` for an unknown one."""
+        if name not in self.solenoid_names:
+            raise RigError(f"no solenoid is named {name}{nearest(name, self.solenoid_names, 'there are')}")
+        return self.solenoids[self.solenoid_names.index(name)]
+
+
+def shipped_rigs() -> list[str]:
+    """Return the names of the rigs that come with the product."""
+    return list(toml_source.shipped("rigs"))
+
+
+def load_rig(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Rig:
+    """Read and validate a rig description.
+
+    Args:
+        name_or_path: name of a shipped rig, or path of a TOML file.
+        overrides: `table.key=value` settings, as `rotor.unbalance=9e-5`, `channel.proximity_x.offset=0.1` or
+            `emulator.actual.rotor.unbalance_angle=2.1`.
+
+    Raises:
+        RigError: naming file, table, key, value and what is allowed.
+    """
+    path = toml_source.find(name_or_path, "rigs", "rig")
+    tables = toml_source.read_with_bases(path, "rig", "rigs", "rig")
+    rig = _rig(tables, str(path))
+    if not overrides:
+        return rig
+    changed = toml_source.override(tables, overrides)
+    return _rig(changed, f"{path} with --set {' --set '.join(overrides)}")
+
+
+def rig_from_text(text: str, source: str = "rig description") -> Rig:
+    """Make a rig of its resolved description, as a recording carries it. Raises `RigError`."""
+    return _rig(toml_source.parse(text, source), source)
+
+
+def with_ports(rig: Rig, ports: Sequence[int]) -> Rig:
+    """Return the rig with the TCP ports of daq, control, twin and operator, in that order."""
+    daq, control, twin, operator = ports
+    link = {"daq": daq, "control": control, "twin": twin, "operator": operator}
+    tables = toml_source.merge(toml_source.parse(rig.toml, rig.name), {"link": link})
+    return _rig(tables, rig.name)
+
+
+def _rig(tables: Mapping[str, Any], source: str) -> Rig:
+    """Validate all tables; messages begin with the source."""
+    try:
+        return _validated(tables)
+    except RigError as error:
+        raise RigError(f"{source}: {error}") from error
+
+
+def _validated(tables: Mapping[str, Any]) -> Rig:
+    """Turn the tables into a rig."""
+    for name in tables:
+        if name not in TABLES:
+            raise RigError(f"[{name}] is not a table of a rig{nearest(name, TABLES, 'its tables are')}")
+    emulator = dict(_table(tables, "emulator", {}))
+    model = model_from_mapping(tables) if any(name in tables for name in MODEL_TABLES) else None
+    actual = _actual_model(tables, model, emulator.pop("actual", {}))
+    channels = _channels(tables)
+    rig = Rig(
+        **tuple_at(Head, _table(tables, "rig"), "[rig]")._asdict(),
+        model=model,
+        solenoids=_solenoids(tables),
+        channels=channels,
+        acquisition=tuple_at(AcquisitionSettings, _table(tables, "acquisition"), "[acquisition]"),
+        command=tuple_at(CommandSettings, _table(tables, "command"), "[command]"),
+        safe_state=tuple_at(SafeStateSettings, _table(tables, "safe_state"), "[safe_state]"),
+        limits=_limits(_table(tables, "limits"), channels),
+        encoder=tuple_at(EncoderSettings, tables["encoder"], "[encoder]") if "encoder" in tables else None,
+        twin=tuple_at(TwinSettings, _table(tables, "twin"), "[twin]"),
+        link=tuple_at(LinkSettings, _table(tables, "link", {}), "[link]"),
+        emulator=tuple_at(EmulatorSettings, emulator, "[emulator]"),
+        actual=actual,
+        toml=tomli_w.dumps(tables),
+    )
+    for check in (_check_acquisition, _check_command, _check_link, _check_encoder, _check_model):
+        check(rig)
+    return rig
+
+
+def _table(
+    tables: Mapping[str, Any], name: str, default: Mapping[str, Any] | None = None
+) -> Mapping[str, Any]:
+    """Return a table. Raises `RigError` when it is missing without a default, or no table."""
+    table = tables.get(name, default)
+    if table is None:
+        raise RigError(f"table [{name}] is missing")
+    if not isinstance(table, Mapping):
+        raise RigError(f"[{name}] must be a table, not {table!r}")
+    return table
+
+
+def _rows(tables: Mapping[str, Any], name: str, kind: type) -> list[Any]:
+    """Validate the rows `[[name]]`; messages name a row by its name, or else by its number."""
+    rows = tables.get(name, [])
+    if not isinstance(rows, list) or not all(isinstance(row, Mapping) for row in rows):
+        raise RigError(f"{name} must be rows [[{name}]], not {rows!r}")
+    return [
+        tuple_at(kind, row, f"[[{name}]] {row.get('name', number)}") for number, row in enumerate(rows, 1)
+    ]
+
+
+def _channels(tables: Mapping[str, Any]) -> ChannelTable:
+    """Read the channel table."""
+    channels: list[Channel] = _rows(tables, "channel", Channel)
+    if not channels:
+        raise RigError("there is no [[channel]]; a rig has one row for each channel")
+    return checked_table(channels)
+
+
+def _solenoids(tables: Mapping[str, Any]) -> tuple[Solenoid, ...]:
+    """Read the solenoids."""
+    solenoids: list[Solenoid] = _rows(tables, "solenoid", Solenoid)
+    names = [solenoid.name for solenoid in solenoids]
+    for name in names:
+        if names.count(name) > 1:
+            raise RigError(f"[[solenoid]] {name} stands there twice; each name must be unique")
+    return tuple(solenoids)
+
+
+def _limits(table: Mapping[str, Any], channels: ChannelTable) -> Limits:
+    """Read the limits; one may be missing only where the rig has no channel of its quantity."""
+    kinds = {"displacement": DisplacementLimit, "force": ForceLimit, "speed": SpeedLimit}
+    for name in table:
+        if name not in kinds:
+            raise RigError(f"[limits.{name}] is not a limit{nearest(name, kinds, 'the limits are')}")
+    found = {name: _limit(table, name, kind, channels) for name, kind in kinds.items()}
+    speed = found["speed"]
+    return Limits(**found | {"speed": speed._replace(warn=tau * speed.warn, trip=tau * speed.trip)})
+
+
+def _limit(table: Mapping[str, Any], name: str, kind: type, channels: ChannelTable) -> Limit:
+    """Read one limit, in the file's unit."""
+    if name not in table:
+        if channels.of_quantity(name):
+            raise RigError(f"table [limits.{name}] is missing, and the rig has {name} channels; protect them")
+        return NO_LIMIT
+    limit = Limit(*tuple_at(kind, table[name], f"[limits.{name}]"))
+    if limit.warn > limit.trip:
+        raise RigError(
+            f"[limits.{name}] warn = {limit.warn:g} is above trip = {limit.trip:g}; warn comes first"
+        )
+    return limit
+
+
+def _actual_model(tables: Mapping[str, Any], model: Model | None, actual: Any) -> Model | None:
+    """Return the emulated rig's model, or None when it does not differ."""
+    if not isinstance(actual, Mapping):
+        raise RigError(f"[emulator.actual] must be a table, not {actual!r}")
+    for name in actual:
+        if name not in MODEL_TABLES:
+            known = nearest(name, MODEL_TABLES, "its tables are")
+            raise RigError(f"[emulator.actual.{name}] is not a table of the model{known}")
+    if not actual or model is None:
+        return None
+    told = {name: tables[name] for name in MODEL_TABLES}
+    found = model_from_mapping(toml_source.merge(told, actual), "emulator.actual")
+    return None if found == model else found
+
+
+def _check_acquisition(rig: Rig) -> None:
+    """Blocks are made of whole reads."""
+    acquisition = rig.acquisition
+    if acquisition.block % acquisition.read:
+        raise RigError(
+            f"[acquisition] block = {acquisition.block} must be a multiple of read = {acquisition.read}"
+        )
+    if acquisition.read > 1 and acquisition.read > 0.01 * acquisition.rate:
+        raise RigError(
+            f"[acquisition] read = {acquisition.read} lasts {acquisition.read / acquisition.rate:g} s; protection "
+            f"acts once a read, so it may last 0.01 s: {max(1, int(0.01 * acquisition.rate))} samples"
+        )
+
+
+def _check_command(rig: Rig) -> None:
+    """The default ramp may be commanded."""
+    command = rig.command
+    if command.default_ramp_hz_per_s > command.max_ramp_hz_per_s:
+        raise RigError(
+            f"[command] default_ramp_hz_per_s = {command.default_ramp_hz_per_s:g} is above "
+            f"max_ramp_hz_per_s = {command.max_ramp_hz_per_s:g}"
+        )
+
+
+def _check_link(rig: Rig) -> None:
+    """The processes listen on loopback, each on a port of its own."""
+    link = rig.link
+    try:
+        loopback = IPv4Address(link.host).is_loopback
+    except AddressValueError:
+        loopback = False
+    if not loopback:
+        raise RigError(
+            f'[link] host = "{link.host}" is not a loopback address; a network needs TLS, '
+            "which a rig without certificates does not have: write 127.0.0.1"
+        )
+    ports = {name: port for name, port in link._asdict().items() if name != "host" and port}
+    for name, port in ports.items():
+        shared = [other for other, taken in ports.items() if taken == port and other != name]
+        if shared:
+            raise RigError(f"[link] {name} = {port} is also the port of {shared[0]}; each needs its own")
+
+
+def _check_encoder(rig: Rig) -> None:
+    """Counts a turn and the angle channel's sensitivity are the same fact."""
+    if rig.encoder is None or "encoder_angle" not in rig.channels or rig.acquisition.backend != "emulator":
+        return
+    needed = rig.encoder.counts_per_turn / tau
+    given = abs(rig.channels["encoder_angle"].sensitivity)
+    if not isclose(given, needed, rel_tol=1e-9):
+        raise RigError(
+            f"[[channel]] encoder_angle sensitivity = {given!r} must be {needed!r} counts/rad, "
+            f"which is [encoder] counts_per_turn = {rig.encoder.counts_per_turn} divided by 2 pi"
+        )
+
+
+def _check_model(rig: Rig) -> None:
+    """The twin and the emulator have the model and the channels that they need."""
+    wanted = [f"[twin] model = {rig.twin.model!r}"] if rig.twin.model != "none" else []
+    wanted += ["[acquisition] backend = 'emulator'"] if rig.acquisition.backend == "emulator" else []
+    if wanted and rig.model is None:
+        raise RigError(f"{wanted[0]} needs the tables {', '.join(MODEL_TABLES)}")
+    if rig.twin.model == "none":
+        return
+    for name in NEEDED_BY_TWIN:
+        if name not in rig.channels:
+            raise RigError(f'[twin] model = "{rig.twin.model}" needs a [[channel]] named {name}')
+    for name in NEEDED_BY_TWIN[:2]:
+        if rig.channels[name].station is None:
+            raise RigError(f"[[channel]] {name} needs station and angle_deg for the twin")
