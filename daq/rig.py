@@ -74,6 +74,11 @@ class Rig:
     toml: str
 
     @property
+    def emulated(self) -> bool:
+        """Whether a model stands in for the rig, so that nothing real can move."""
+        return self.acquisition.backend == "emulator"
+
+    @property
     def emulated_model(self) -> Model:
         """Model of the emulated rig. Raises `RigError` when the rig has no model."""
         if self.model is None:
@@ -257,8 +262,9 @@ def _check_acquisition(rig: Rig) -> None:
         )
     if acquisition.read > 1 and acquisition.read > 0.01 * acquisition.rate:
         raise RigError(
-            f"[acquisition] read = {acquisition.read} lasts {acquisition.read / acquisition.rate:g} s; protection "
-            f"acts once a read, so it may last 0.01 s: {max(1, int(0.01 * acquisition.rate))} samples"
+            f"[acquisition] read = {acquisition.read} lasts {acquisition.read / acquisition.rate:g} s; "
+            "protection acts once a read, so it may last 0.01 s: "
+            f"{max(1, int(0.01 * acquisition.rate))} samples"
         )
 
 

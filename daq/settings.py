@@ -136,6 +136,10 @@ class LinkSettings(NamedTuple):
     twin: _PORT = 0
     operator: _PORT = 0
 
+    def endpoint(self, name: str) -> str:
+        """Where a process listens: daq, control, twin or operator, as the link writes it."""
+        return f"tcp/{self.host}:{getattr(self, name)}"
+
 
 class EmulatorSettings(NamedTuple):
     """Table `[emulator]`: what the emulated device does that the twin is not told."""

@@ -100,8 +100,8 @@ def with_free_ports(rig: "Rig") -> "Rig":
     from daq.link import free_ports
     from daq.rig import with_ports
 
-    wanted = [name for name in ("daq", "control", "twin", "operator") if getattr(rig.link, name) == 0]
-    return with_ports(rig, dict(zip(wanted, free_ports(len(wanted)), strict=True)))
+    given = [getattr(rig.link, name) for name in ("daq", "control", "twin", "operator")]
+    return with_ports(rig, [port or free for port, free in zip(given, free_ports(4), strict=True)])
 
 
 def new_recording(path: Path | None, rig: str) -> Path:

@@ -48,9 +48,9 @@ def run(options: argparse.Namespace) -> int:
 def recorded_rig(path: Path) -> "Rig":
     """The rig description that travels with a recording."""
     from daq.recording import Recording
-    from daq.rig import parse_rig
+    from daq.rig import rig_from_text
 
-    return parse_rig(Recording(path).description.toml, str(path))
+    return rig_from_text(Recording(path).description.toml, str(path))
 
 
 def start(rig: "Rig", options: argparse.Namespace, folder: Path) -> "Supervisor":
