@@ -99,7 +99,7 @@ class Rig:
 
 def shipped_rigs() -> list[str]:
     """Return the names of the rigs that come with the product."""
-    return list(toml_source.shipped("rigs"))
+    return list(toml_source.shipped("rig"))
 
 
 def load_rig(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Rig:
@@ -113,8 +113,8 @@ def load_rig(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Rig:
     Raises:
         RigError: naming file, table, key, value and what is allowed.
     """
-    path = toml_source.find(name_or_path, "rigs", "rig")
-    tables = toml_source.read_with_bases(path, "rig", "rigs", "rig")
+    path = toml_source.find(name_or_path, "rig")
+    tables = toml_source.read_with_bases(path, "rig")
     rig = _rig(tables, str(path))
     if not overrides:
         return rig

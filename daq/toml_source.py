@@ -5,26 +5,28 @@ the base are taken and overridden key by key; the rows of an array of tables are
 """
 
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
+from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from simulator.validation import RigError, nearest
 
 Tables = dict[str, Any]
+What = Literal["rig", "plan"]
 
 
-def shipped(package: str) -> dict[str, Path]:
-    """Return the descriptions that a package ships: file stem to path."""
-    folder = Path(str(files(package)))
+def shipped(what: What) -> dict[str, Path]:
+    """Return the rigs or the plans that come with the product: name to path."""
+    folder = Path(str(files("rigs"))) / ("plans" if what == "plan" else "")
     return {path.stem: path for path in sorted(folder.glob("*.toml"))}
 
 
-def find(name_or_path: str | Path, package: str, what: str) -> Path:
+def find(name_or_path: str | Path, what: What) -> Path:
     """Return the file of a shipped name or of a path. Raises `RigError`."""
-    known = shipped(package)
+    known = shipped(what)
     if str(name_or_path) in known:
         return known[str(name_or_path)]
     path = Path(name_or_path).expanduser()
@@ -34,8 +36,9 @@ def find(name_or_path: str | Path, package: str, what: str) -> Path:
         return path
     if path.suffix == ".toml" or len(path.parts) > 1:
         raise RigError(f"{path} does not exist; the shipped {what}s are {', '.join(known)}")
-    close = nearest(str(name_or_path), known, f"the shipped {what}s are")
-    listed = close if "shipped" in close else f"{close} The shipped {what}s are {', '.join(known)}"
+    close = get_close_matches(str(name_or_path), known, n=1)
+    meant = f"; did you mean {close[0]}?" if close else ";"
+    listed = f"{meant} the shipped {what}s are {', '.join(known)}"
     raise RigError(f'no {what} is named "{name_or_path}"{listed}; or give the path of a TOML file')
 
 
@@ -57,17 +60,17 @@ def read(path: Path) -> str:
         raise RigError(f"{path} cannot be read: {error.strerror}") from error
 
 
-def read_with_bases(path: Path, head: str, package: str, what: str) -> Tables:
-    """Read a file and the chain of bases named in its table `[head]`. Raises `RigError`."""
+def read_with_bases(path: Path, what: What) -> Tables:
+    """Read a file and the chain of bases that its first table, `[rig]` or `[plan]`, names. Raises `RigError`."""
     chain: list[Tables] = []
     visited: list[Path] = []
     current: Path | None = path
     while current:
         if current.resolve() in visited:
-            raise RigError(f"{path}: [{head}] base: {current.name} stands on itself")
+            raise RigError(f"{path}: [{what}] base: {current.name} stands on itself")
         visited.append(current.resolve())
         tables = parse(read(current), str(current))
-        current = _base_of(tables, current, head, package, what)
+        current = _base_of(tables, current, what)
         chain.append(tables)
     merged: Tables = {}
     for tables in reversed(chain):
@@ -75,18 +78,18 @@ def read_with_bases(path: Path, head: str, package: str, what: str) -> Tables:
     return merged
 
 
-def _base_of(tables: Tables, path: Path, head: str, package: str, what: str) -> Path | None:
+def _base_of(tables: Tables, path: Path, what: What) -> Path | None:
     """Take the key `base` out of the head table and return the file it names."""
-    table = tables.get(head)
+    table = tables.get(what)
     base = table.pop("base", None) if isinstance(table, dict) else None
     if base is None:
         return None
     if not isinstance(base, str):
-        raise RigError(f"{path}: [{head}] base = {base!r} must be the name or path of a {what}")
+        raise RigError(f"{path}: [{what}] base = {base!r} must be the name or path of a {what}")
     try:
-        return find(base if base in shipped(package) else path.parent / base, package, what)
+        return find(base if base in shipped(what) else path.parent / base, what)
     except RigError as error:
-        raise RigError(f"{path}: [{head}] base: {error}") from error
+        raise RigError(f"{path}: [{what}] base: {error}") from error
 
 
 def merge(base: Tables, over: Mapping[str, Any]) -> Tables:
@@ -96,7 +99,7 @@ def merge(base: Tables, over: Mapping[str, Any]) -> Tables:
         old = merged.get(key)
         if isinstance(old, dict) and isinstance(value, Mapping):
             merged[key] = merge(old, value)
-        elif _is_rows(old) and _is_rows(value):
+        elif isinstance(old, list) and _is_rows(old) and _is_rows(value):
             merged[key] = _merge_rows(old, value)
         else:
             merged[key] = deepcopy(value)
@@ -159,12 +162,7 @@ def _row(rows: list[Any], name: str, keys: list[str], setting: str) -> Any:
 def _value(text: str) -> Any:
     """Read one TOML value, or take the text as it is."""
     try:
-        values = list(_flat(tomllib.loads(f"value = {text}")))
+        read = tomllib.loads(f"value = {text}")
     except tomllib.TOMLDecodeError:
         return text
-    return values[0] if len(values) == 1 else text
-
-
-def _flat(tables: Tables) -> Iterator[Any]:
-    """Yield the top values: more than one if the text held more than a value."""
-    yield from tables.values()
+    return read["value"] if len(read) == 1 else text
