@@ -1,0 +1,254 @@
+"""The picture of a rig in the rerun viewer. This is the only file that imports rerun.
+
+A `Screen` is one recording of the viewer: it draws frames, events and the headline into a server in this
+process, on loopback and with bounded memory, or into a file. Whoever looks connects to that server;
+a viewer that is stopped or killed takes nothing from whoever draws.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from daq.rig import Rig
+from twin.display_data import MICRO, Contact, Curve, Frame, Orbit, Scene
+from twin.display_geometry import bearing_edge, circle, ruler, view_radius
+
+HOST = "127.0.0.1"
+SERVER_MEMORY = "256MB"  # kept for viewers that come late: about half an hour of a run
+TIMELINE = "time"  # s since the run's start: sample index over rate
+WINDOW = 10.0  # s that the plots show while a run is followed
+ARROW = 4.0  # µm of arrow for one newton of contact force
+
+Colour = tuple[int, int, int]
+MEASURED_X, MEASURED_Y = (86, 180, 233), (240, 190, 70)
+TWIN_X, TWIN_Y = (213, 94, 160), (60, 190, 130)
+MEASURED, TWIN, COMMAND = MEASURED_X, TWIN_X, (150, 150, 150)
+EDGE, RULER, CONTACT = (235, 235, 235), (95, 100, 110), (240, 80, 60)
+RESIDUALS = ((86, 180, 233), (240, 190, 70), (60, 190, 130), (213, 94, 160), (170, 140, 240), (200, 200, 200))
+MODES = {"LIVE": (220, 60, 50), "EMULATED": (60, 150, 90), "REPLAY": (70, 120, 210)}
+BACKGROUND = (16, 18, 22)
+
+LEVELS = (rr.TextLogLevel.INFO, rr.TextLogLevel.WARN, rr.TextLogLevel.ERROR)
+
+LINES: dict[str, tuple[tuple[str, ...], tuple[Colour, ...]]] = {
+    "displacement/measured": (("x measured", "y measured"), (MEASURED_X, MEASURED_Y)),
+    "displacement/twin": (("x twin", "y twin"), (TWIN_X, TWIN_Y)),
+    "force/transducers": (("transducers' resultant",), (MEASURED,)),
+    "force/twin": (("twin's contact force",), (TWIN,)),
+    "speed": (("speed", "set-point"), (MEASURED, COMMAND)),
+}
+
+
+class Screen:
+    """One run as rerun shows it.
+
+    Args:
+        rig: what is shown.
+        scene: from which the frames come; it knows the names of the twin's residuals.
+        name: of the recording in the viewer.
+        run: run id; equal ids are the same recording.
+    """
+
+    def __init__(self, rig: Rig, scene: Scene, *, name: str, run: str) -> None:
+        self._rig = rig
+        self._scene = scene
+        self._stream = rr.RecordingStream("rigtwin", recording_id=run)
+        self._stream.set_log_tick_enabled(False)
+        self._stream.set_log_time_enabled(False)
+        self._stream.send_recording_name(name)
+        self._named: set[str] = set()
+
+    def serve(self, port: int) -> str:
+        """Serve viewers on loopback; return the address for them. Follows the newest data."""
+        sink = rr.GrpcServerSink(HOST, port, server_memory_limit=SERVER_MEMORY)
+        self._stream.set_sinks(sink, default_blueprint=blueprint(self._rig, following=True))
+        self._draw_surroundings()
+        return str(sink.uri)
+
+    def save(self, path: Path) -> None:
+        """Write to a file instead, for a viewer that opens it later at its beginning."""
+        self._stream.save(path, default_blueprint=blueprint(self._rig, following=False))
+        self._draw_surroundings()
+
+    def close(self) -> None:
+        """Send what is left and end the server or the file."""
+        self._stream.flush()
+        self._stream.disconnect()
+
+    def show(self, frame: Frame) -> None:
+        """Draw a frame."""
+        for name, curve in frame.curves.items():
+            self._draw_curve(name, curve)
+        self._stream.set_time(TIMELINE, duration=frame.time)
+        for name, orbit in frame.orbits.items():
+            self._draw_orbit(name, orbit)
+        if "twin" in frame.orbits:
+            self._draw_contact(frame.contact)
+
+    def headline(self, time: float, text: str) -> None:
+        """Show a line of Markdown above the views."""
+        self._stream.set_time(TIMELINE, duration=time)
+        self._stream.log("headline", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+
+    def regime(self, time: float, regime: str) -> None:
+        """Show what the rotor does from now on."""
+        self._stream.set_time(TIMELINE, duration=time)
+        self._stream.log("regime", rr.StateChange(state=regime))
+
+    def event(self, time: float, source: str, severity: int, text: str) -> None:
+        """Add a line to the event log."""
+        self._stream.set_time(TIMELINE, duration=time)
+        self._stream.log(f"events/{source}", rr.TextLog(text, level=LEVELS[min(severity, 2)]))
+
+    def _draw_surroundings(self) -> None:
+        """Draw what does not move: the bearing's edge and the axes."""
+        reach = MICRO * view_radius(self._rig)
+        self._draw_axes(reach)
+        if self._rig.model is not None:
+            strips = [flipped(MICRO * strip) for strip in bearing_edge(self._rig.model)]
+            edge = rr.LineStrips2D(strips, colors=EDGE, radii=rr.Radius.ui_points(1.5), draw_order=10.0)
+            self._stream.log("orbit/bearing", edge, static=True)
+
+    def _draw_axes(self, reach: float) -> None:
+        """Draw the axes through the bearing's centre with their marks in µm."""
+        marks = ruler(reach)
+        zeros = np.zeros_like(marks)
+        cross = [np.array([[-reach, 0.0], [reach, 0.0]]), np.array([[0.0, -reach], [0.0, reach]])]
+        lines = rr.LineStrips2D(cross, colors=RULER, radii=rr.Radius.ui_points(0.5), draw_order=0.0)
+        self._stream.log("orbit/axes", lines, static=True)
+        for axis, positions in {"x": (marks, zeros), "y": (zeros, marks)}.items():
+            points = rr.Points2D(
+                flipped(np.column_stack(positions)),
+                labels=[f"{mark:+g}" for mark in marks],
+                show_labels=True,
+                colors=RULER,
+                radii=rr.Radius.ui_points(1.5),
+            )
+            self._stream.log(f"orbit/axes/{axis}", points, static=True)
+
+    def _draw_curve(self, name: str, curve: Curve) -> None:
+        if name not in self._named:
+            self._named.add(name)
+            names, colours = self._lines(name)
+            style = rr.SeriesLines(names=names, colors=colours, widths=[1.2] * len(names))
+            self._stream.log(f"plots/{name}", style, static=True)
+        times = rr.TimeColumn(TIMELINE, duration=curve.times)
+        self._stream.send_columns(f"plots/{name}", [times], rr.Scalars.columns(scalars=curve.values))
+
+    def _lines(self, name: str) -> tuple[Sequence[str], Sequence[Colour]]:
+        """Return names and colours of a plot's lines."""
+        if name in LINES:
+            return LINES[name]
+        names = self._scene.residual_names[name.removeprefix("residual/")]
+        return names, [RESIDUALS[number % len(RESIDUALS)] for number in range(len(names))]
+
+    def _draw_orbit(self, name: str, orbit: Orbit) -> None:
+        colour = MEASURED if name == "measured" else TWIN
+        strips, colours = faded(flipped(orbit.path), colour)
+        width = rr.Radius.ui_points(1.6 if name == "measured" else 1.0)
+        order = 20.0 if name == "measured" else 30.0
+        path = rr.LineStrips2D(strips, colors=colours, radii=width, draw_order=order)
+        self._stream.log(f"orbit/{name}", path)
+        marks = flipped(np.vstack((orbit.marks, orbit.path[-1:])))
+        sizes = [rr.Radius.ui_points(4.5)] * len(orbit.marks) + [rr.Radius.ui_points(3.0)]
+        self._stream.log(f"orbit/{name}/keyphasor", rr.Points2D(marks, radii=sizes, colors=colour, draw_order=40.0))
+
+    def _draw_contact(self, contact: Contact | None) -> None:
+        origins = np.empty((0, 2)) if contact is None else flipped(contact.position[np.newaxis])
+        vectors = np.empty((0, 2)) if contact is None else flipped(ARROW * contact.force[np.newaxis])
+        arrow = rr.Arrows2D(
+            origins=origins, vectors=vectors, colors=CONTACT, radii=rr.Radius.ui_points(1.5), draw_order=50.0
+        )
+        self._stream.log("orbit/contact_force", arrow)
+
+
+def flipped(points: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Turn y up: the viewer's 2D views have y down."""
+    return (points * (1.0, -1.0)).astype(np.float32)
+
+
+def faded(path: NDArray[np.float32], colour: Colour, pieces: int = 4) -> tuple[list[NDArray[np.float32]], list[Colour]]:
+    """Cut a path into pieces that share their ends; the older a piece, the nearer the background's colour."""
+    cuts = np.linspace(0, len(path) - 1, pieces + 1).astype(int)
+    strips = [path[start : end + 1] for start, end in zip(cuts, cuts[1:], strict=False)]
+    shares = np.linspace(0.35, 1.0, pieces)
+    dark, light = np.array(BACKGROUND), np.array(colour)
+    return strips, [tuple((dark + share * (light - dark)).astype(int)) for share in shares]
+
+
+def blueprint(rig: Rig, *, following: bool) -> rrb.Blueprint:
+    """Return the arrangement of the views; `following` keeps to the newest data with a sliding window."""
+    return rrb.Blueprint(
+        rrb.Vertical(
+            rrb.TextDocumentView(origin="headline", name="Rig"),
+            rrb.Horizontal(
+                rrb.Vertical(orbit_view(rig), event_view(), row_shares=[3, 1]),
+                plot_views(rig, following),
+                column_shares=[4, 5],
+            ),
+            row_shares=[1, 11],
+        ),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(
+            state="collapsed", timeline=TIMELINE, play_state="following" if following else "playing"
+        ),
+    )
+
+
+def orbit_view(rig: Rig) -> rrb.Spatial2DView:
+    """Return the view of the shaft's centre, with equal scales."""
+    reach = MICRO * view_radius(rig)
+    return rrb.Spatial2DView(
+        origin="orbit",
+        name="Orbit at the bearing, µm (seen from the free end, y up)",
+        background=BACKGROUND,
+        visual_bounds=rrb.VisualBounds2D(x_range=(-reach, reach), y_range=(-reach, reach)),
+    )
+
+
+def event_view() -> rrb.TextLogView:
+    """Return the view of the event log."""
+    return rrb.TextLogView(
+        origin="events",
+        name="Events",
+        columns=rrb.TextLogColumns(timeline_columns=[TIMELINE], text_log_columns=["loglevel", "body"]),
+    )
+
+
+def plot_views(rig: Rig, following: bool) -> rrb.Vertical:
+    """Return the views over time; a rig without a model has no residuals and no regime."""
+    names = {"displacement": "Displacement at the bearing, µm", "force": "Force, N", "speed": "Speed, Hz"}
+    modelled = rig.twin.model != "none"
+    if modelled:
+        names["residual/m"] = "Residual of the probes (measured less twin), µm"
+        names["residual/N"] = "Residual of the transducers (measured less twin), N"
+    views: list[rrb.View] = [plot_view(f"plots/{path}", name, following) for path, name in names.items()]
+    shares = [3.0, 3.0, 2.0, 2.0, 2.0][: len(views)]
+    if modelled:
+        views.append(rrb.StateTimelineView(origin="regime", name="Regime", time_ranges=window(following)))
+        shares.append(1.0)
+    return rrb.Vertical(*views, row_shares=shares)
+
+
+def plot_view(origin: str, name: str, following: bool) -> rrb.TimeSeriesView:
+    """Return the view of one plot."""
+    return rrb.TimeSeriesView(
+        origin=origin,
+        name=name,
+        plot_legend=rrb.Corner2D.LeftTop,
+        time_ranges=window(following),
+        axis_x=rrb.TimeAxis(link="LinkToGlobal"),
+    )
+
+
+def window(following: bool) -> list[rrb.VisibleTimeRange]:
+    """Return the stretch of time to show: the last seconds, or everything."""
+    if not following:
+        return [rrb.VisibleTimeRange(TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite())]
+    start = rrb.TimeRangeBoundary.cursor_relative(seconds=-WINDOW)
+    return [rrb.VisibleTimeRange(TIMELINE, start=start, end=rrb.TimeRangeBoundary.cursor_relative())]

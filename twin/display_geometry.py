@@ -1,0 +1,108 @@
+"""Geometry of the orbit view: where the shaft's centre can go, and where the sensors say that it is."""
+
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.protection import Projection, displacement_planes, force_planes
+from daq.rig import Rig
+from simulator.rig import BackupBearing, BearingKind, Model
+
+CIRCLE_POINTS = 181
+ARC_POINTS = 61
+RULER_DIVISIONS = 3  # marks on each half axis of the orbit view, about
+
+Points = NDArray[np.float64]
+Item = TypeVar("Item")
+
+
+class Sensors(NamedTuple):
+    """Rows of a block that the display draws; None or empty where the rig has no such channel."""
+
+    displacement: Projection | None
+    force: Projection | None
+    angle: int | None
+    speed: int | None
+    speed_command: int | None
+
+
+def sensors_of(rig: Rig) -> Sensors:
+    """Find the channels that the display draws, by quantity, with the geometry that the protection uses."""
+    channels = tuple(rig.channels)
+    station = rig.model.rotor.bearing_station if rig.model else None
+    speeds = [row for row, channel in enumerate(channels) if channel.quantity == "speed"]
+    commands = [row for row in speeds if channels[row].name.endswith("_command")]
+    measured = [row for row in speeds if row not in commands]
+    angles = [row for row, channel in enumerate(channels) if channel.quantity == "angle"]
+    return Sensors(
+        displacement=_first(displacement_planes(channels, station)),
+        force=_first(force_planes(channels)),
+        angle=_first(angles),
+        speed=_first(measured),
+        speed_command=_first(commands),
+    )
+
+
+def project(samples: NDArray[np.float32], plane: Projection) -> Points:
+    """Return the vector (2, n) that sensors measure, from samples (n_channels, n)."""
+    weights = np.array([plane.x, plane.y])
+    return weights @ samples[list(plane.rows)].astype(np.float64)
+
+
+def bearing_edge(model: Model) -> list[Points]:
+    """Return the edge of what the shaft's centre can reach without contact: polylines (n, 2) in m.
+
+    A ball or plain bearing has one circle. A pinned bearing has one arc for each of its four pins; they
+    meet in cusps on the axes, or leave the axes open when the pins are too far apart.
+    """
+    bearing = model.backup_bearing
+    if bearing.kind != BearingKind.PINNED:
+        return [circle(bearing.clearance)]
+    return [pin_arc(bearing, model.rotor.shaft_radius, number) for number in range(4)]
+
+
+def circle(radius: float) -> Points:
+    """Return a closed circle about the origin, shape (n, 2)."""
+    angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS)
+    return radius * np.column_stack((np.cos(angle), np.sin(angle)))
+
+
+def pin_arc(bearing: BackupBearing, shaft_radius: float, number: int) -> Points:
+    """Return where the shaft's centre is when the shaft touches one pin, shape (n, 2) in m.
+
+    Seen from the bearing's centre, the point at an angle a from the pin's axis is at D cos a -
+    sqrt(R^2 - D^2 sin^2 a), with R the shaft's and the tip's radius together and D = R + gap.
+    """
+    reach = shaft_radius + bearing.pin_tip_radius
+    distance = reach + bearing.clearance
+    widest = min(np.pi / 4, np.arcsin(min(1.0, reach / distance)))
+    from_axis = np.linspace(-widest, widest, ARC_POINTS)
+    inside = np.maximum(reach**2 - (distance * np.sin(from_axis)) ** 2, 0.0)
+    radius = distance * np.cos(from_axis) - np.sqrt(inside)
+    angle = from_axis + np.pi / 4 + number * np.pi / 2
+    return radius[:, np.newaxis] * np.column_stack((np.cos(angle), np.sin(angle)))
+
+
+def view_radius(rig: Rig) -> float:
+    """Return half the width of the orbit view in m: the bearing's edge or the trip level, with a margin."""
+    reaches = [np.abs(strip).max() for strip in bearing_edge(rig.model)] if rig.model else []
+    if rig.limits.displacement is not None:
+        reaches.append(rig.limits.displacement.trip)
+    if not reaches:
+        widest = [channel.full_scale for channel in rig.channels if channel.quantity == "displacement"]
+        reaches.append(max(widest, default=1e-3))
+    return 1.2 * float(max(reaches))
+
+
+def ruler(reach: float) -> Points:
+    """Return round positions, symmetric about 0 and without it, that mark an axis from -reach to reach."""
+    magnitude = 10.0 ** np.floor(np.log10(reach / RULER_DIVISIONS))
+    step = next(m for m in (1.0, 2.0, 5.0, 10.0) if m * magnitude * (RULER_DIVISIONS + 1) > reach) * magnitude
+    marks = np.arange(1, int(reach / step) + 1) * step
+    return np.concatenate((-marks[::-1], marks))
+
+
+def _first(found: Sequence[Item]) -> Item | None:
+    return found[0] if found else None
