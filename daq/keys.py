@@ -78,72 +78,72 @@ def recorded_keys(rig: str) -> tuple[str, ...]:
 
 def everything(rig: str) -> str:
     """Return the expression that matches every key of a rig."""
-    return f"rig/{_name(rig)}/**"
+    return f"rig/{part(rig)}/**"
 
 
 def block(rig: str) -> str:
     """Return the key of the acquired samples."""
-    return f"rig/{_name(rig)}/daq/block"
+    return f"rig/{part(rig)}/daq/block"
 
 
 def estimate(rig: str) -> str:
     """Return the key of the twin's states and virtual sensors."""
-    return f"rig/{_name(rig)}/twin/estimate"
+    return f"rig/{part(rig)}/twin/estimate"
 
 
 def truth(rig: str) -> str:
     """Return the key of the emulated rig's true state, which the twin never reads."""
-    return f"rig/{_name(rig)}/emulator/truth"
+    return f"rig/{part(rig)}/emulator/truth"
 
 
 def event(rig: str, source: str) -> str:
     """Return the key of the events of one source: daq, twin or operator."""
-    return f"rig/{_name(rig)}/{_name(source)}/event"
+    return f"rig/{part(rig)}/{part(source)}/event"
 
 
 def summary(rig: str) -> str:
     """Return the key of the block in few numbers."""
-    return f"rig/{_name(rig)}/daq/summary"
+    return f"rig/{part(rig)}/daq/summary"
 
 
 def channel_summary(rig: str, channel: str) -> str:
     """Return the key of one channel in few numbers."""
-    return f"rig/{_name(rig)}/daq/summary/{_name(channel)}"
+    return f"rig/{part(rig)}/daq/summary/{part(channel)}"
 
 
 def twin_summary(rig: str) -> str:
     """Return the key of the twin's findings in few numbers."""
-    return f"rig/{_name(rig)}/twin/summary"
+    return f"rig/{part(rig)}/twin/summary"
 
 
 def status(rig: str, process: str) -> str:
     """Return the key of a process' health; process `*` means all of them."""
-    return f"rig/{_name(rig)}/{_name(process)}/status"
+    return f"rig/{part(rig)}/{part(process)}/status"
 
 
 def description(rig: str) -> str:
     """Return the key that answers with the rig's description."""
-    return f"rig/{_name(rig)}/daq/description"
+    return f"rig/{part(rig)}/daq/description"
 
 
 def command(rig: str, name: str) -> str:
     """Return the key of a command to the daq."""
-    return f"rig/{_name(rig)}/daq/command/{_name(name)}"
+    return f"rig/{part(rig)}/daq/command/{part(name)}"
 
 
 def operator_command(rig: str, name: str) -> str:
     """Return the key of a command to the operator, who passes it on under its lease."""
-    return f"rig/{_name(rig)}/operator/command/{_name(name)}"
+    return f"rig/{part(rig)}/operator/command/{part(name)}"
 
 
 def lease(rig: str) -> str:
     """Return the key on which the lease holder shows that it lives; the payload is the lease."""
-    return f"rig/{_name(rig)}/daq/lease"
+    return f"rig/{part(rig)}/daq/lease"
 
 
 def alive(rig: str, process: str) -> str:
     """Return the key of the liveliness token of a process; process `*` means all of them."""
-    return f"rig/{_name(rig)}/{_name(process)}/alive"
+    return f"rig/{part(rig)}/{part(process)}/alive"
 
 
 def process_of(key: str) -> str:
@@ -151,12 +151,16 @@ def process_of(key: str) -> str:
     return key.split("/")[2]
 
 
-def _of_rig(rig: str, pattern: str) -> str:
-    return pattern.replace("rig/*/", f"rig/{_name(rig)}/", 1)
+def part(name: str) -> str:
+    """Return a name that can stand in a key as one part, or `*` for any.
 
-
-def _name(name: str) -> str:
-    """Return a name that can stand in a key as one part, or `*` for any."""
+    Raises:
+        ValueError: it cannot.
+    """
     if name == "*" or ALLOWED.fullmatch(name):
         return name
     raise ValueError(f"{name!r} cannot be part of a key: use letters, digits, '_', '-' and '.' only")
+
+
+def _of_rig(rig: str, pattern: str) -> str:
+    return pattern.replace("rig/*/", f"rig/{part(rig)}/", 1)
