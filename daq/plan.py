@@ -11,7 +11,7 @@ from typing import Annotated, Any, NamedTuple
 
 from daq import toml_source
 from daq.rig import Rig
-from simulator.validation import NAME, Quantity, RigError, nearest, tuple_at
+from simulator.validation import NAME, Pattern, Quantity, RigError, nearest, tuple_at
 
 
 class PlanError(ValueError):
@@ -29,7 +29,7 @@ class SpeedStep(NamedTuple):
     """`do = "speed"`: ramp to a speed; the next step comes when the ramp is over."""
 
     speed_hz: Annotated[float, Quantity("Hz", 0.0, 1e5, "speed at the ramp's end")]
-    ramp_hz_per_s: Annotated[float | None, Quantity("Hz/s", 1e-6, 1e5, "ramp; the rig's default if none")] = (
+    ramp_hz_per_s: Annotated[float | None, Quantity("Hz/s", 0.01, 1e5, "ramp; the rig's default if none")] = (
         None
     )
     note: str | None = None
@@ -40,14 +40,14 @@ class HitStep(NamedTuple):
 
     solenoid: str
     force: Annotated[float, Quantity("N", 0.0, 1e7, "peak of the pulse")]
-    duration: Annotated[float, Quantity("s", 1e-5, 10.0, "length of the pulse")]
+    duration: Annotated[float, Quantity("s", 1e-4, 1.0, "length of the pulse")]
     note: str | None = None
 
 
 class MarkStep(NamedTuple):
     """`do = "mark"`: write a text into the recording."""
 
-    text: str
+    text: Annotated[str, Pattern(r".{1,500}", "a text of 1 to 500 characters on one line")]
     note: str | None = None
 
 
@@ -218,9 +218,10 @@ def _plan(tables: Mapping[str, Any], rig: Rig) -> Plan:
     rows = tables.get("step", [])
     if not isinstance(rows, list) or not rows:
         raise RigError("there is no [[step]]; a plan has at least one")
-    return Plan(
-        head.name, head.description, tuple(_step(row, number, rig) for number, row in enumerate(rows, 1))
-    )
+    steps = tuple(_step(row, number, rig) for number, row in enumerate(rows, 1))
+    plan = Plan(head.name, head.description, steps)
+    _check_hits(plan, rig)
+    return plan
 
 
 def _step(row: Any, number: int, rig: Rig) -> Step:
@@ -229,8 +230,8 @@ def _step(row: Any, number: int, rig: Rig) -> Step:
     if not isinstance(row, Mapping) or "do" not in row:
         raise RigError(f"{place} lacks do: one of {', '.join(STEPS)}")
     kind = row["do"]
-    if kind not in STEPS:
-        raise RigError(f'{place} do = "{kind}" is not a step{nearest(kind, STEPS, "the steps are")}')
+    if not isinstance(kind, str) or kind not in STEPS:
+        raise RigError(f"{place} do = {kind!r} is not a step{nearest(str(kind), STEPS, 'the steps are')}")
     step: Step = tuple_at(STEPS[kind], {key: value for key, value in row.items() if key != "do"}, place)
     _check_step(step, place, rig)
     return step
@@ -252,6 +253,21 @@ def _check_step(step: Step, place: str, rig: Rig) -> None:
         owner = f"{rig.name} [[solenoid]] {solenoid.name}"
         _at_most(step.force, solenoid.max_force, f"{place} force", f"{owner} max_force")
         _at_most(step.duration, solenoid.max_duration, f"{place} duration", f"{owner} max_duration")
+
+
+def _check_hits(plan: Plan, rig: Rig) -> None:
+    """Refuse a hit that would begin before the one before is over."""
+    runner = PlanRunner(plan, rig)
+    now = busy_until = 0.0
+    for number, step in enumerate(plan.steps, 1):
+        if isinstance(step, HitStep):
+            if now < busy_until:
+                raise RigError(
+                    f"[[step]] {number} hits {now:g} s after the beginning, while the hit before lasts "
+                    f"until {busy_until:g} s; put a wait between them"
+                )
+            busy_until = now + step.duration
+        now += runner.take(step)
 
 
 def _at_most(value: float, limit: float, place: str, allowed: str) -> None:

@@ -61,7 +61,7 @@ def read(path: Path) -> str:
 
 
 def read_with_bases(path: Path, what: What) -> Tables:
-    """Read a file and the chain of bases that its first table, `[rig]` or `[plan]`, names. Raises `RigError`."""
+    """Read a file and the chain of bases that its table `[rig]` or `[plan]` names. Raises `RigError`."""
     chain: list[Tables] = []
     visited: list[Path] = []
     current: Path | None = path

@@ -1,0 +1,167 @@
+# ruff: noqa: E501  a table of cases reads best with one case a line
+"""Plans: what is performed when, and what is refused in which words."""
+
+import pytest
+
+from daq.plan import PlanError, PlanRunner, load_plan, plan_from_text, shipped_plans
+from daq.rig import load_rig, shipped_rigs
+
+HEAD = '[plan]\nname = "short"\ndescription = "for a test"\n'
+SHORT = (
+    HEAD
+    + """
+[[step]]
+do = "wait"
+duration = 0.5
+note = "stand still"
+[[step]]
+do = "hit"
+solenoid = "horizontal"
+force = 6.0
+duration = 0.01
+[[step]]
+do = "mark"
+text = "after the hit"
+[[step]]
+do = "speed"
+speed_hz = 8.0
+ramp_hz_per_s = 16.0
+[[step]]
+do = "speed"
+speed_hz = 5.33
+[[step]]
+do = "wait"
+duration = 1.0
+"""
+)
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return load_rig("thesis-ball")
+
+
+@pytest.mark.parametrize("plan", shipped_plans())
+@pytest.mark.parametrize("rig_name", shipped_rigs())
+def test_shipped_plan_suits_every_shipped_rig(plan, rig_name):
+    rig = load_rig(rig_name)
+    assert load_plan(plan, rig).name == plan
+    assert load_plan(rig.plan, rig)
+
+
+def test_expected_duration_counts_ramps_by_the_speed_last_commanded(rig):
+    assert plan_from_text(SHORT, rig).expected_duration(rig) == pytest.approx(0.5 + 0.5 + 2.67 / 26.7 + 1.0)
+    assert load_plan("resonance", rig).expected_duration(rig) == pytest.approx(50.0)
+
+
+def performed(plan, rig, start, pitch):
+    """Run a plan with `due` called each `pitch` samples; return actions and the sample of its end."""
+    runner, sample, actions = PlanRunner(plan, rig), start, []
+    while not runner.finished:
+        actions += runner.due(sample)
+        sample += pitch
+    return actions, sample - pitch
+
+
+@pytest.mark.parametrize("pitch", [1, 50, 250, 777])
+def test_steps_are_due_by_the_plan_however_coarsely_it_is_asked(rig, pitch):
+    actions, end = performed(plan_from_text(SHORT, rig), rig, 1000, pitch)
+    assert [action.command for action in actions] == ["", "hit", "mark", "speed", "speed", ""]
+    assert [action.sample - 1000 for action in actions] == [0, 12500, 12500, 12500, 25000, 27500]
+    assert 0 <= end - 1000 - 52500 < pitch
+
+
+def test_actions_carry_the_command_and_say_what_it_is(rig):
+    actions, _ = performed(plan_from_text(SHORT, rig), rig, 0, 50)
+    assert actions[0].text == "step 1 of 6: wait 0.5 s (stand still)"
+    assert (actions[1].values, actions[1].texts) == (
+        {"force": 6.0, "duration": 0.01},
+        {"solenoid": "horizontal"},
+    )
+    assert actions[1].text == "step 2 of 6: solenoid horizontal hits with 6 N for 10 ms"
+    assert actions[2].texts == {"text": "after the hit"}
+    assert actions[3].values == {"speed_hz": 8.0, "ramp_hz_per_s": 16.0}
+    assert actions[4].values == {"speed_hz": 5.33}
+
+
+def test_aborted_plan_has_nothing_more_to_do(rig):
+    runner = PlanRunner(plan_from_text(SHORT, rig), rig)
+    runner.due(0)
+    runner.abort("the rig tripped")
+    runner.abort("a later reason")
+    assert runner.finished
+    assert runner.aborted == "the rig tripped"
+    assert runner.due(10**9) == []
+
+
+def test_a_plan_on_a_turning_rig_ramps_from_its_speed(rig):
+    plan = plan_from_text(HEAD + '[[step]]\ndo = "speed"\nspeed_hz = 10.0\nramp_hz_per_s = 2.0\n', rig)
+    runner = PlanRunner(plan, rig, speed_hz=9.0)
+    runner.due(0)
+    assert runner.next_sample == 12500
+
+
+STEP_ERRORS = {
+    'do = "wiat"\nduration = 1.0': r"\[\[step\]\] 1 do = 'wiat' is not a step; did you mean wait\?",
+    "duration = 1.0": r"\[\[step\]\] 1 lacks do: one of wait, speed, hit, mark",
+    "do = 3": r"\[\[step\]\] 1 do = 3 is not a step",
+    "do = []": r"\[\[step\]\] 1 do = \[\] is not a step",
+    'do = "wait"\ndurations = 1.0': r"\[\[step\]\] 1 durations is not a key of this table; did you mean duration\?",
+    'do = "wait"': r"\[\[step\]\] 1 lacks duration \(s\)",
+    'do = "wait"\nduration = -1.0': r"duration = -1 is outside 0 to",
+    'do = "wait"\nduration = "1 s"': r'duration = "1 s" must be a number in s',
+    'do = "speed"\nspeed_hz = 26.0': r"speed_hz = 26 is above 25, thesis-ball \[command\] max_speed_hz",
+    'do = "speed"\nspeed_hz = -1.0': r"speed_hz = -1 is outside",
+    'do = "speed"\nspeed_hz = 1.0\nramp_hz_per_s = 51': r"ramp_hz_per_s = 51 is above 50, thesis-ball",
+    'do = "speed"\nspeed_hz = 1.0\nramp_hz_per_s = 0': r"ramp_hz_per_s = 0 is outside",
+    'do = "hit"\nsolenoid = "horizontl"\nforce = 1.0\nduration = 0.01': r'solenoid = "horizontl": .*did you mean horizontal\?',
+    'do = "hit"\nsolenoid = "horizontal"\nforce = 61.0\nduration = 0.01': r"force = 61 is above 60, thesis-ball .*max_force",
+    'do = "hit"\nsolenoid = "horizontal"\nforce = 1.0\nduration = 0.06': r"duration = 0\.06 is above 0\.05",
+    'do = "mark"\ntext = ""': r'text = "" must be a text of 1 to 500 characters',
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("step", STEP_ERRORS)
+def test_bad_step_is_refused_with_file_and_step(step, rig, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(f"{HEAD}[[step]]\n{step}\n", encoding="utf-8")
+    with pytest.raises(PlanError, match=STEP_ERRORS[step]) as caught:
+        load_plan(path, rig)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (HEAD, r"there is no \[\[step\]\]"),
+        ('[[step]]\ndo = "wait"\nduration = 1.0\n', r"table \[plan\] is missing"),
+        (SHORT.replace("[plan]", "[plna]"), r"\[plna\] is not a table of a plan; did you mean plan\?"),
+        (SHORT.replace("description", "descripton"), r"\[plan\] descripton .* did you mean description\?"),
+        (SHORT.replace("0.5", "0.5s", 1), r"plan: not TOML: .*line 7"),
+    ],
+)
+def test_bad_plan_is_refused(text, message, rig):
+    with pytest.raises(PlanError, match=message):
+        plan_from_text(text, rig)
+
+
+def test_hit_within_a_hit_is_refused(rig):
+    hit = '[[step]]\ndo = "hit"\nsolenoid = "horizontal"\nforce = 6.0\nduration = 0.01\n'
+    with pytest.raises(
+        PlanError, match=r"\[\[step\]\] 2 hits 0 s after .* until 0\.01 s; put a wait between"
+    ):
+        plan_from_text(HEAD + hit + hit, rig)
+    assert plan_from_text(HEAD + hit + '[[step]]\ndo = "wait"\nduration = 0.02\n' + hit, rig)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("resonanc", r'no plan is named "resonanc"; did you mean resonance\?'),
+        ("no/mine.toml", "does not exist"),
+    ],
+)
+def test_plan_that_is_not_there(name, message, rig):
+    with pytest.raises(PlanError, match=message):
+        load_plan(name, rig)
