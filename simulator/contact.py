@@ -1,0 +1,237 @@
+"""Contact between shaft and backup bearing: geometry, normal force, friction.
+
+Everything is at the bearing's plane S, in the inertial frame, SI units. A *candidate* is a place where
+shaft and wall may touch: one for a ball or plain bearing, one for each pin of the pinned bearing. Its
+normal points from the shaft's centre to the wall, its tangent is the normal turned by +90 degrees.
+
+References are to the thesis' articles P1 and P3, cleaned of misprints. A contact law is chosen by number in
+the bearing's parameters (`kind`, `damping_mode`), never by a function argument, so that a kernel is compiled
+once.
+"""
+
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from simulator.compile import kernel
+from simulator.rig import BackupBearing, BearingKind, DampingMode, Model
+from simulator.state import State
+
+BALL = int(BearingKind.BALL)
+PINNED = int(BearingKind.PINNED)
+LATCHED = int(DampingMode.LATCHED)
+
+MOST_CANDIDATES = 4
+LOWEST_CLOSING_SPEED = 0.01  # m/s: a slower closing latches the damping factor of this speed
+PIN_LENGTH = 2e-3  # m: behind it lies the casing, which has no contact of its own
+HALF_ROOT = sqrt(0.5)
+
+
+class Contact(NamedTuple):
+    """What the backup bearing does to the rotor; the house gets the opposite force."""
+
+    force_x: float  # N, on the rotor at plane S
+    force_y: float  # N
+    moment_x: float  # N m, generalised: station times force, plus the axial friction's
+    moment_y: float  # N m
+    shaft_torque: float  # N m, about the shaft's axis, positive with positive speed
+    ring_torque: float  # N m, on the inner ring
+    normal: float  # N, sum over the candidates
+    penetration: float  # m, the deepest; negative: the gap that is left
+
+
+@kernel
+def candidate_count(bearing: BackupBearing) -> int:
+    """Return the number of places where shaft and bearing may touch."""
+    return MOST_CANDIDATES if bearing.kind == PINNED else 1
+
+
+@kernel
+def wall(
+    bearing: BackupBearing, shaft_radius: float, index: int, x: float, y: float
+) -> tuple[float, float, float]:
+    """Return one candidate's unit normal (x, y) and penetration (m; negative: gap).
+
+    (x, y) is the shaft's centre relative to the house's, m. A shaft exactly in the middle of a ring has no
+    normal: zeros.
+    """
+    if bearing.kind == PINNED:
+        return pin_wall(bearing, shaft_radius, index, x, y)
+    radius = sqrt(x * x + y * y)
+    if radius == 0.0:
+        return 0.0, 0.0, -bearing.clearance
+    return x / radius, y / radius, radius - bearing.clearance
+
+
+@kernel
+def pin_wall(
+    bearing: BackupBearing, shaft_radius: float, index: int, x: float, y: float
+) -> tuple[float, float, float]:
+    """Return normal and penetration at pin `index`, counted from the first quadrant with rotation.
+
+    The pins are radial, on the diagonals, with spherical tips of radius r_t whose apex is at the
+    clearance from the shaft at rest in the middle.
+    """
+    reach = shaft_radius + bearing.pin_tip_radius
+    distance = (reach + bearing.clearance) * HALF_ROOT
+    to_x = (-distance if 0 < index < 3 else distance) - x
+    to_y = (distance if index < 2 else -distance) - y
+    length = sqrt(to_x * to_x + to_y * to_y)
+    if length == 0.0:
+        return 0.0, 0.0, reach
+    return to_x / length, to_y / length, reach - length
+
+
+@kernel
+def normal_force(stiffness: float, damping_factor: float, penetration: float, rate: float) -> float:
+    """Return Hunt and Crossley's force, N: k d^1.5 (1 + 1.5 eta d'), never pulling (P3 eq 20, P1 eq 11).
+
+    Units: N/m^1.5, s/m, m, m/s (positive while closing).
+    """
+    if penetration <= 0.0:
+        return 0.0
+    elastic = stiffness * penetration * sqrt(penetration)
+    return max(0.0, elastic * (1.0 + 1.5 * damping_factor * rate))
+
+
+@kernel
+def friction(bearing: BackupBearing, normal: float, slip_t: float, slip_z: float) -> tuple[float, float]:
+    """Return the friction on the shaft, N, along the tangent and along the shaft.
+
+    Coulomb's law, regularised: opposite to the slip (m/s, shaft minus wall), zero and smooth at zero slip.
+    """
+    slip_speed = bearing.slip_speed
+    slip = sqrt(slip_t * slip_t + slip_z * slip_z + slip_speed * slip_speed)
+    scale = -bearing.friction * normal / slip
+    return scale * slip_t, scale * slip_z
+
+
+@kernel
+def ring_radius(model: Model) -> float:
+    """Return the radius (m) at which a spinning inner ring is touched; zero where nothing spins."""
+    bearing = model.backup_bearing
+    return bearing.clearance + model.rotor.shaft_radius if bearing.kind == BALL else 0.0
+
+
+@kernel
+def relative_motion(model: Model, state: State) -> tuple[float, float, float, float]:
+    """Return place (m) and velocity (m/s) of the shaft's centre relative to the house's, at plane S."""
+    station = model.rotor.bearing_station
+    return (
+        station * state.tilt_x - state.house_x,
+        station * state.tilt_y - state.house_y,
+        station * state.tilt_rate_x - state.house_rate_x,
+        station * state.tilt_rate_y - state.house_rate_y,
+    )
+
+
+@kernel
+def slip(
+    model: Model, state: State, nx: float, ny: float, along_t: float
+) -> tuple[float, float, float, float]:
+    """Return the slip at a contact with normal (nx, ny), and the lever of the axial friction.
+
+    `along_t` is the relative velocity of the centres along the tangent. Slip is shaft minus wall: along
+    the tangent, with both spins, and along the shaft, from tilting (m/s). The lever (m) leads from the
+    axis through the pivot to the contact.
+    """
+    radius = model.rotor.shaft_radius
+    lever_x = model.rotor.bearing_station * state.tilt_x + radius * nx
+    lever_y = model.rotor.bearing_station * state.tilt_y + radius * ny
+    slip_t = along_t + state.speed * radius - state.ring_speed * ring_radius(model)
+    slip_z = -(lever_x * state.tilt_rate_x + lever_y * state.tilt_rate_y)
+    return slip_t, slip_z, lever_x, lever_y
+
+
+@kernel
+def candidate_contact(model: Model, damping_factor: float, index: int, state: State) -> Contact:
+    """Return what one candidate does to the rotor (P3 eq 10, 17-19 with Newton's third law for the signs)."""
+    rotor, bearing = model.rotor, model.backup_bearing
+    x, y, rate_x, rate_y = relative_motion(model, state)
+    nx, ny, depth = wall(bearing, rotor.shaft_radius, index, x, y)
+    normal = normal_force(bearing.stiffness, damping_factor, depth, rate_x * nx + rate_y * ny)
+    if normal == 0.0:
+        return Contact(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, depth)
+    slip_t, slip_z, lever_x, lever_y = slip(model, state, nx, ny, rate_y * nx - rate_x * ny)
+    along_t, along_z = friction(bearing, normal, slip_t, slip_z)
+    force_x = -normal * nx - along_t * ny
+    force_y = -normal * ny + along_t * nx
+    return Contact(
+        force_x,
+        force_y,
+        rotor.bearing_station * force_x - lever_x * along_z,
+        rotor.bearing_station * force_y - lever_y * along_z,
+        along_t * rotor.shaft_radius,
+        -along_t * ring_radius(model),
+        normal,
+        depth,
+    )
+
+
+@kernel
+def contact_force(model: Model, damping_factors: np.ndarray, state: State) -> Contact:
+    """Return what the backup bearing does to the rotor in a state.
+
+    `damping_factors` (4,) holds eta (s/m) of each candidate: see `latch`.
+    """
+    total = candidate_contact(model, damping_factors[0], 0, state)
+    for index in range(1, candidate_count(model.backup_bearing)):
+        total = together(total, candidate_contact(model, damping_factors[index], index, state))
+    return total
+
+
+@kernel
+def together(a: Contact, b: Contact) -> Contact:
+    """Return the sum of two contacts, with the deeper one's penetration."""
+    return Contact(
+        a.force_x + b.force_x,
+        a.force_y + b.force_y,
+        a.moment_x + b.moment_x,
+        a.moment_y + b.moment_y,
+        a.shaft_torque + b.shaft_torque,
+        a.ring_torque + b.ring_torque,
+        a.normal + b.normal,
+        max(a.penetration, b.penetration),
+    )
+
+
+@kernel
+def penetration(model: Model, state: State) -> float:
+    """Return the deepest candidate's penetration, m; negative: the gap that is left."""
+    x, y, _, _ = relative_motion(model, state)
+    bearing, radius = model.backup_bearing, model.rotor.shaft_radius
+    deepest = wall(bearing, radius, 0, x, y)[2]
+    for index in range(1, candidate_count(bearing)):
+        deepest = max(deepest, wall(bearing, radius, index, x, y)[2])
+    return deepest
+
+
+@kernel
+def latch(model: Model, state: State, damping_factors: np.ndarray) -> None:
+    """Bring the damping factors (4,), s/m, of the open candidates up to date; call it before each substep.
+
+    Mode `fixed`: they are the bearing's constant. Mode `latched`: an open candidate's is (1 - c_e) / d' of
+    this moment (P3 eq 21), so that a closing keeps that of its last open substep until it opens.
+    """
+    bearing = model.backup_bearing
+    if bearing.damping_mode != LATCHED:
+        damping_factors[:] = bearing.damping_factor
+        return
+    x, y, rate_x, rate_y = relative_motion(model, state)
+    for index in range(candidate_count(bearing)):
+        nx, ny, depth = wall(bearing, model.rotor.shaft_radius, index, x, y)
+        if depth <= 0.0:
+            closing = max(rate_x * nx + rate_y * ny, LOWEST_CLOSING_SPEED)
+            damping_factors[index] = (1.0 - bearing.restitution) / closing
+
+
+@kernel
+def beyond_pins(model: Model, state: State) -> bool:
+    """Tell whether the shaft is where the pinned bearing has no wall any more, behind its pins."""
+    bearing = model.backup_bearing
+    if bearing.kind != PINNED:
+        return False
+    x, y, _, _ = relative_motion(model, state)
+    reach = bearing.clearance + PIN_LENGTH
+    return x * x + y * y > reach * reach

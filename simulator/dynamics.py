@@ -1,0 +1,295 @@
+"""Equations of motion of rotor, house, ring and shaft, and their integration through one step.
+
+Signs and symbols: the rotor is rigid on a spherical pivot, with small tilts u = (tilt_x, tilt_y), I u'' +
+gyroscopic terms = moments, a force F at station l giving the moment l F (P3 eq 7-14). All kernels are pure
+functions of SI floats; a `State` goes in and comes out.
+
+Two ways to integrate. `fly` is for a rotor that cannot touch the bearing during the step: rotor by
+Runge-Kutta 4 (10 Hz at 40 us: 1e-15 a step), house and ring by their exact maps. `collide` integrates
+everything by Runge-Kutta 4, in as many substeps as `contact_substeps` finds necessary. No contact is
+located in time: the force is continuously differentiable in the penetration where it closes.
+"""
+
+from math import ceil, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from simulator.compile import kernel
+from simulator.contact import candidate_count, contact_force, normal_force, relative_motion, ring_radius, wall
+from simulator.numeric import sine_cosine
+from simulator.rig import DriveMode, Model, Rotor
+from simulator.state import Inputs, State
+
+IDEAL = int(DriveMode.IDEAL)
+
+LEAST_GAP = 20e-9  # m: nearer than that counts as touching
+FLIGHT_TURN = 0.05  # rad of the fastest motion in a substep of flight: 3e-9 error a substep
+FRICTION_TURN = 1.5  # decay of slip in a substep of contact; unstable above 2.78
+CONTACT_TURN = 0.3  # rad of the contact's own frequency in a substep: 2e-5 error a substep
+HOUSE_TURN = 0.25  # rad of the fastest house mode in a substep of contact
+SHORTEST_SUBSTEP = 0.625e-6  # s: enough for 3900 N on the thesis rig
+
+
+class Tick(NamedTuple):
+    """Constants of a model at one length of tick; made by `tick_of`."""
+
+    length: float  # s
+    house_x_x: float  # exact map of the horizontal house motion through a tick: position from position
+    house_x_v: float  # s, position from rate
+    house_v_x: float  # 1/s, rate from position
+    house_v_v: float  # rate from rate
+    house_y_y: float  # the same of the vertical motion
+    house_y_v: float
+    house_w_y: float
+    house_w_w: float
+    ring_decay: float  # factor on the ring's speed through a tick
+    flight_rate: float  # rad/s, bound on the free rotor's own frequency and damping at rest
+    gyroscopic: float  # rad/s more for each rad/s of speed, the unbalance's turning included
+    mobility: float  # 1/kg, of the contact point along the tangent, without friction
+    approach: float  # 1/kg, of the contact point along the normal
+    least_substeps: float  # of a tick with contact: the house's modes ask for it
+    most_substeps: float  # of a tick with contact
+
+
+@kernel
+def static_moment(rotor: Rotor) -> float:
+    """Return the vertical moment of weight and coupling force, N m."""
+    weight = -rotor.mass * rotor.gravity * rotor.centre_of_mass_station
+    return weight + rotor.coupling_station * rotor.coupling_force
+
+
+@kernel
+def unbalance_moment(rotor: Rotor, angle: float, speed: float, acceleration: float) -> tuple[float, float]:
+    """Return the moment (x, y) of the unbalance, N m (P3 eq 9, with the tangential part)."""
+    sine, cosine = sine_cosine(angle + rotor.unbalance_angle)
+    moment = rotor.disk_station * rotor.unbalance
+    radial, tangential = moment * speed * speed, moment * acceleration
+    return radial * cosine + tangential * sine, radial * sine - tangential * cosine
+
+
+@kernel
+def tilt_acceleration(
+    model: Model,
+    x: float,
+    y: float,
+    rate_x: float,
+    rate_y: float,
+    speed: float,
+    moment_x: float,
+    moment_y: float,
+) -> tuple[float, float]:
+    """Return the tilt's acceleration (x, y), rad/s2, under moments (N m) of unbalance, contact and solenoid.
+
+    (x, y) is the tilt, rad. Magnetic bearing, pivot spring, gyroscopic moment, weight and coupling force
+    are added here (P3 eq 7-14).
+    """
+    rotor, magnet = model.rotor, model.magnetic_bearing
+    arm = rotor.magnet_station * rotor.magnet_station
+    stiffness = magnet.stiffness * arm + rotor.pivot_stiffness
+    damping = magnet.damping * arm
+    gyroscopic = rotor.polar_inertia * speed
+    total_x = moment_x - stiffness * x - damping * rate_x - gyroscopic * rate_y
+    total_y = moment_y - stiffness * y - damping * rate_y + gyroscopic * rate_x + static_moment(rotor)
+    return total_x / rotor.inertia, total_y / rotor.inertia
+
+
+@kernel
+def shaft_acceleration(model: Model, load: float, inputs: Inputs) -> float:
+    """Return the shaft's angular acceleration, rad/s2, under the contact's torque `load` (N m)."""
+    drive = model.drive
+    if drive.mode == IDEAL:
+        return inputs.acceleration
+    return (inputs.torque + load) / (drive.inertia + model.rotor.polar_inertia)
+
+
+@kernel
+def derivatives(model: Model, damping_factors: np.ndarray, inputs: Inputs, state: State) -> State:
+    """Return the rate of change of each field of the state, with the contact as it is in that state.
+
+    `damping_factors` (4,), s/m: see `simulator.contact.latch`. The speed error's integral belongs to the
+    controller, which works once a tick: its rate is zero here.
+    """
+    rotor, house = model.rotor, model.housing
+    force = contact_force(model, damping_factors, state)
+    acceleration = shaft_acceleration(model, force.shaft_torque, inputs)
+    moment_x, moment_y = unbalance_moment(rotor, state.angle, state.speed, acceleration)
+    tilt_x, tilt_y = tilt_acceleration(
+        model,
+        state.tilt_x,
+        state.tilt_y,
+        state.tilt_rate_x,
+        state.tilt_rate_y,
+        state.speed,
+        moment_x + force.moment_x + inputs.moment_x,
+        moment_y + force.moment_y + inputs.moment_y,
+    )
+    spring = 2.0 * house.transducer_stiffness
+    house_x = -spring * state.house_x - 2.0 * house.horizontal_damping * state.house_rate_x - force.force_x
+    house_y = -spring * state.house_y - 2.0 * house.vertical_damping * state.house_rate_y - force.force_y
+    return State(
+        state.tilt_rate_x,
+        state.tilt_rate_y,
+        tilt_x,
+        tilt_y,
+        state.house_rate_x,
+        state.house_rate_y,
+        house_x / (house.outer_mass + house.inner_mass),
+        house_y / house.inner_mass,
+        ring_acceleration(model, state.ring_speed, force.ring_torque),
+        state.speed,
+        acceleration,
+        0.0,
+    )
+
+
+@kernel
+def ring_acceleration(model: Model, speed: float, torque: float) -> float:
+    """Return the inner ring's angular acceleration, rad/s2 (P3 eq 19); zero where no ring spins."""
+    bearing = model.backup_bearing
+    if ring_radius(model) == 0.0:
+        return 0.0
+    return (torque - bearing.ring_damping * speed) / bearing.ring_inertia
+
+
+@kernel
+def moved(state: State, duration: float, rate: State) -> State:
+    """Return the state after a duration (s) at constant rates."""
+    return State(
+        state.tilt_x + duration * rate.tilt_x,
+        state.tilt_y + duration * rate.tilt_y,
+        state.tilt_rate_x + duration * rate.tilt_rate_x,
+        state.tilt_rate_y + duration * rate.tilt_rate_y,
+        state.house_x + duration * rate.house_x,
+        state.house_y + duration * rate.house_y,
+        state.house_rate_x + duration * rate.house_rate_x,
+        state.house_rate_y + duration * rate.house_rate_y,
+        state.ring_speed + duration * rate.ring_speed,
+        state.angle + duration * rate.angle,
+        state.speed + duration * rate.speed,
+        state.speed_error_integral + duration * rate.speed_error_integral,
+    )
+
+
+@kernel
+def collide(
+    model: Model,
+    damping_factors: np.ndarray,
+    first: Inputs,
+    middle: Inputs,
+    last: Inputs,
+    duration: float,
+    state: State,
+) -> State:
+    """Return the state after one Runge-Kutta 4 step of `duration` (s), contact included.
+
+    The inputs are those at the step's beginning, middle and end.
+    """
+    half = 0.5 * duration
+    rate_1 = derivatives(model, damping_factors, first, state)
+    rate_2 = derivatives(model, damping_factors, middle, moved(state, half, rate_1))
+    rate_3 = derivatives(model, damping_factors, middle, moved(state, half, rate_2))
+    rate_4 = derivatives(model, damping_factors, last, moved(state, duration, rate_3))
+    state = moved(state, duration / 6.0, rate_1)
+    state = moved(state, duration / 3.0, rate_2)
+    state = moved(state, duration / 3.0, rate_3)
+    return moved(state, duration / 6.0, rate_4)
+
+
+@kernel
+def fly(model: Model, first: Inputs, middle: Inputs, last: Inputs, duration: float, state: State) -> State:
+    """Return the state after `duration` (s) without contact, house and ring left as they are.
+
+    The torque is constant, so shaft angle and speed are exact; the tilt takes one Runge-Kutta 4 step.
+    """
+    rotor = model.rotor
+    half = 0.5 * duration
+    x, y, rate_x, rate_y = state.tilt_x, state.tilt_y, state.tilt_rate_x, state.tilt_rate_y
+    acceleration = shaft_acceleration(model, 0.0, first)
+    middle_speed = state.speed + half * acceleration
+    last_speed = state.speed + duration * acceleration
+    middle_angle = state.angle + half * (state.speed + 0.5 * half * acceleration)
+    last_angle = state.angle + duration * (state.speed + half * acceleration)
+    mx, my = unbalance_moment(rotor, state.angle, state.speed, acceleration)
+    mx, my = mx + first.moment_x, my + first.moment_y
+    ax_1, ay_1 = tilt_acceleration(model, x, y, rate_x, rate_y, state.speed, mx, my)
+    mx, my = unbalance_moment(rotor, middle_angle, middle_speed, acceleration)
+    mx, my = mx + middle.moment_x, my + middle.moment_y
+    vx, vy = rate_x + half * ax_1, rate_y + half * ay_1
+    ax_2, ay_2 = tilt_acceleration(model, x + half * rate_x, y + half * rate_y, vx, vy, middle_speed, mx, my)
+    wx, wy = rate_x + half * ax_2, rate_y + half * ay_2
+    ax_3, ay_3 = tilt_acceleration(model, x + half * vx, y + half * vy, wx, wy, middle_speed, mx, my)
+    vx, vy = rate_x + duration * ax_3, rate_y + duration * ay_3
+    mx, my = unbalance_moment(rotor, last_angle, last_speed, acceleration)
+    mx, my = mx + last.moment_x, my + last.moment_y
+    ax_4, ay_4 = tilt_acceleration(model, x + duration * wx, y + duration * wy, vx, vy, last_speed, mx, my)
+    sixth = duration / 6.0
+    return State(
+        x + duration * (rate_x + sixth * (ax_1 + ax_2 + ax_3)),
+        y + duration * (rate_y + sixth * (ay_1 + ay_2 + ay_3)),
+        rate_x + sixth * (ax_1 + 2.0 * (ax_2 + ax_3) + ax_4),
+        rate_y + sixth * (ay_1 + 2.0 * (ay_2 + ay_3) + ay_4),
+        state.house_x,
+        state.house_y,
+        state.house_rate_x,
+        state.house_rate_y,
+        state.ring_speed,
+        last_angle,
+        last_speed,
+        state.speed_error_integral,
+    )
+
+
+@kernel
+def settle(tick: Tick, state: State) -> State:
+    """Return the state with house and ring moved on by one tick without contact, exactly."""
+    return State(
+        state.tilt_x,
+        state.tilt_y,
+        state.tilt_rate_x,
+        state.tilt_rate_y,
+        tick.house_x_x * state.house_x + tick.house_x_v * state.house_rate_x,
+        tick.house_y_y * state.house_y + tick.house_y_v * state.house_rate_y,
+        tick.house_v_x * state.house_x + tick.house_v_v * state.house_rate_x,
+        tick.house_w_y * state.house_y + tick.house_w_w * state.house_rate_y,
+        tick.ring_decay * state.ring_speed,
+        state.angle,
+        state.speed,
+        state.speed_error_integral,
+    )
+
+
+@kernel
+def may_touch(model: Model, tick: Tick, state: State, depth: float) -> bool:
+    """Tell whether the shaft may reach the bearing within a tick; `depth` is the penetration now, m."""
+    _, _, rate_x, rate_y = relative_motion(model, state)
+    return -depth <= (abs(rate_x) + abs(rate_y)) * tick.length + LEAST_GAP
+
+
+@kernel
+def flight_substeps(tick: Tick, speed: float) -> int:
+    """Return how many substeps a tick without contact needs."""
+    return ceil(tick.length * (tick.flight_rate + tick.gyroscopic * abs(speed)) / FLIGHT_TURN)
+
+
+@kernel
+def contact_substeps(model: Model, tick: Tick, damping_factors: np.ndarray, state: State) -> int:
+    """Return how many substeps a tick with contact needs.
+
+    The regularised friction decides: near zero slip it is a damper mu N / slip_speed on the mobility of
+    the contact point, and Runge-Kutta 4 is stable up to 2.78. The normal force is that of the end of the
+    tick, at the present rate, so that a hard closing is seen before it comes.
+    """
+    bearing, radius = model.backup_bearing, model.rotor.shaft_radius
+    x, y, rate_x, rate_y = relative_motion(model, state)
+    normal, deepest = 0.0, 0.0
+    for index in range(candidate_count(bearing)):
+        nx, ny, depth = wall(bearing, radius, index, x, y)
+        rate = rate_x * nx + rate_y * ny
+        depth += max(rate, 0.0) * tick.length
+        deepest = max(deepest, depth)
+        normal += normal_force(bearing.stiffness, damping_factors[index], depth, rate)
+    damping = bearing.friction * normal / bearing.slip_speed * tick.mobility
+    stiffness = 1.5 * bearing.stiffness * sqrt(deepest) * tick.approach
+    needed = tick.length * max(damping / FRICTION_TURN, sqrt(stiffness) / CONTACT_TURN)
+    return ceil(min(max(needed, tick.least_substeps), tick.most_substeps))

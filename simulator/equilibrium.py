@@ -1,0 +1,66 @@
+"""Where the shaft hangs when nothing moves."""
+
+from math import sqrt
+
+import numpy as np
+
+from simulator.contact import MOST_CANDIDATES, PINNED, contact_force
+from simulator.dynamics import static_moment
+from simulator.rig import Model, RigError
+from simulator.state import STATE, State
+
+BISECTIONS = 200
+
+
+def static_state(model: Model) -> np.ndarray:
+    """Return the state (12,) at rest under weight, coupling force, magnet and, where it is reached, bearing.
+
+    The shaft hangs in the vertical plane. Raises `RigError` when nothing carries it.
+    """
+    low, high = -deepest(model), deepest(model)
+    if not (excess(model, low) >= 0.0 >= excess(model, high)):
+        raise RigError(
+            "neither [magnetic_bearing] stiffness nor [backup_bearing] stiffness carries the weight of "
+            "[rotor]; check their units"
+        )
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if excess(model, middle) > 0.0:
+            low = middle
+        else:
+            high = middle
+    offset = 0.5 * (low + high)
+    house = house_offset(model, offset)
+    values = np.zeros(len(STATE))
+    values[STATE.index("tilt_y")] = (offset + house) / model.rotor.bearing_station
+    values[STATE.index("house_y")] = house
+    return values
+
+
+def deepest(model: Model) -> float:
+    """Return an offset between shaft and house, m, that the bearing will not be pressed to."""
+    bearing, radius = model.backup_bearing, model.rotor.shaft_radius
+    if bearing.kind == PINNED:
+        return (radius + bearing.pin_tip_radius + bearing.clearance) * sqrt(0.5)
+    return bearing.clearance + radius
+
+
+def contact_lift(model: Model, offset: float) -> float:
+    """Return the contact's vertical force (N) on a resting shaft `offset` (m) above the house's centre."""
+    values = [0.0] * len(STATE)
+    values[STATE.index("tilt_y")] = offset / model.rotor.bearing_station
+    return contact_force(model, np.zeros(MOST_CANDIDATES), State(*values)).force_y
+
+
+def house_offset(model: Model, offset: float) -> float:
+    """Return where the contact's reaction has pushed the inner house, m."""
+    return -contact_lift(model, offset) / (2.0 * model.housing.transducer_stiffness)
+
+
+def excess(model: Model, offset: float) -> float:
+    """Return the moment (N m, up positive) left on a shaft held `offset` (m) above the house's centre."""
+    rotor = model.rotor
+    stiffness = model.magnetic_bearing.stiffness * rotor.magnet_station**2 + rotor.pivot_stiffness
+    tilt = (offset + house_offset(model, offset)) / rotor.bearing_station
+    lift = rotor.bearing_station * contact_lift(model, offset)
+    return static_moment(rotor) + lift - stiffness * tilt

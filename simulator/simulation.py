@@ -1,0 +1,148 @@
+"""A rig that runs in simulated time: set its speed, hit it, and read the truth sample by sample."""
+
+from typing import Any
+
+import numpy as np
+
+from simulator.contact import LATCHED, LOWEST_CLOSING_SPEED, MOST_CANDIDATES
+from simulator.drive import set_point
+from simulator.equilibrium import static_state
+from simulator.rig import BearingKind, Model, RigError, Solenoid
+from simulator.solenoid import PULSE_FIELDS, pulse_row
+from simulator.state import SIGNALS, STATE, TRUTH
+from simulator.stepping import run
+from simulator.tick import tick_of
+
+__all__ = ["SIGNALS", "STATE", "TRUTH", "Simulation", "SimulationError", "signals_for"]
+
+
+CHOICES = ("kind", "damping_mode", "mode")
+
+
+class SimulationError(RuntimeError):
+    """The state is no number any more, or out of all proportion."""
+
+
+class Simulation:
+    """The rig in simulated time; sample n is the state at n / rate seconds.
+
+    `model` holds the rig's parameters, `rate` the samples a second, `state` (12,) the state at sample 0 in the
+    order of `STATE`; without one the shaft hangs still at its static equilibrium. Equal calls at equal samples
+    give equal bytes, however `advance` is divided. Raises `RigError` for a model that cannot be simulated.
+
+    Attributes: `sample`, the index of the next sample; `state` (12,), the state at that sample;
+    `damping_factors` (4,), s/m, of the contact's candidates, which with `state` makes a complete snapshot;
+    `beyond_pins`, whether the shaft has been behind the pins, where the model has no wall.
+    """
+
+    def __init__(self, model: Model, rate: float = 25000.0, state: np.ndarray | None = None):
+        self.model = checked(model)
+        self.rate = positive(rate, "rate", "samples a second")
+        self.tick = tick_of(self.model, 1.0 / self.rate)
+        self.sample = 0
+        self.beyond_pins = False
+        self.damping_factors = first_damping_factors(self.model)
+        self.state = static_state(self.model) if state is None else checked_state(state)
+        self._ramp = np.array([self.state[10], self.state[10], 1.0, 0.0])
+        self._pulses = np.empty((0, PULSE_FIELDS))
+
+    def advance(self, truth: np.ndarray) -> None:
+        """Fill `truth` (17, n), float64, C-contiguous, with the next n samples, and step n ticks.
+
+        Its rows are `SIGNALS`: the state without the controller's integral, the contact's force on the rotor
+        (N), the normal force (N), the penetration (m, zero when open), the speed's set-point (rad/s) and the
+        sum of the solenoids' forces (N). Raises `SimulationError` when the state diverges.
+        """
+        if truth.ndim != 2 or truth.shape[0] != len(SIGNALS):
+            raise ValueError(
+                f"truth has shape {truth.shape}, not ({len(SIGNALS)}, n): one row for each of SIGNALS"
+            )
+        if truth.dtype != np.float64 or not truth.flags.c_contiguous:
+            raise ValueError("truth must be a C-contiguous array of float64; copy the part into one")
+        done, lost = run(
+            self.model,
+            self.tick,
+            self._ramp,
+            self._pulses,
+            self.sample,
+            self.state,
+            self.damping_factors,
+            truth,
+        )
+        self.sample += done
+        self.beyond_pins = self.beyond_pins or lost
+        if done < truth.shape[1]:
+            raise SimulationError(self._cause())
+
+    def set_speed(self, speed: float, ramp: float) -> None:
+        """Move the speed's set-point from where it is to `speed` (rad/s) at `ramp` (rad/s2, positive)."""
+        if not np.isfinite(speed):
+            raise ValueError(f"speed = {speed} rad/s must be a finite number")
+        slope = positive(ramp, "ramp", "rad/s2")
+        now = set_point(self._ramp, self.sample, self.tick.length)
+        self._ramp[:] = now, speed, slope, self.sample
+
+    def hit(self, solenoid: Solenoid, force: float, duration: float) -> None:
+        """Begin a half-sine pulse of a solenoid now: peak `force` (N), `duration` (s). Pulses may overlap."""
+        if not np.isfinite(force):
+            raise ValueError(f"force = {force} N must be a finite number")
+        row = pulse_row(solenoid, force, positive(duration, "duration", "s"), self.sample)
+        ages = (self.sample - self._pulses[:, 0]) * self.tick.length
+        self._pulses = np.concatenate((self._pulses[ages < self._pulses[:, 1]], row))
+
+    def release(self) -> None:
+        """Switch all solenoids off now, pulses that have begun included."""
+        self._pulses = np.empty((0, PULSE_FIELDS))
+
+    def _cause(self) -> str:
+        """Describe the divergence."""
+        state = ", ".join(f"{name} {value:.3g}" for name, value in zip(STATE, self.state, strict=True))
+        return (
+            f"the simulation diverged at {self.sample / self.rate:.6f} s (sample {self.sample}): {state}. "
+            "Likely cause: a contact far stiffer than the rate can follow, or a value in a wrong unit"
+        )
+
+
+def signals_for(count: int) -> np.ndarray:
+    """Return an array (17, count) for `Simulation.advance` to fill."""
+    return np.empty((len(SIGNALS), count))
+
+
+def checked(model: Model) -> Model:
+    """Return the model with plain numbers for its enumerations. Raises `RigError`."""
+    bearing = model.backup_bearing
+    if bearing.kind == BearingKind.BALL and bearing.ring_inertia <= 0.0:
+        raise RigError(
+            f"[backup_bearing] ring_inertia = {bearing.ring_inertia:g} kg m2 must be above 0 for a ball "
+            'bearing; give its inertia, or set kind = "plain" for a ring that does not spin'
+        )
+    return Model(*(plain(part) for part in model))
+
+
+def plain(part: Any) -> Any:
+    """Return a table of the model with its choices as int and its numbers as float: one type for kernels."""
+    pairs = zip(part._fields, part, strict=True)
+    return type(part)(*(int(value) if name in CHOICES else float(value) for name, value in pairs))
+
+
+def checked_state(state: np.ndarray) -> np.ndarray:
+    """Return a copy of a state (12,) as float64."""
+    values = np.array(state, dtype=np.float64)
+    if values.shape != (len(STATE),) or not np.isfinite(values).all():
+        raise ValueError(f"state must hold {len(STATE)} finite numbers: {', '.join(STATE)}")
+    return values
+
+
+def first_damping_factors(model: Model) -> np.ndarray:
+    """Return the damping factors (4,), s/m, with which a simulation begins."""
+    bearing = model.backup_bearing
+    slowest = (1.0 - bearing.restitution) / LOWEST_CLOSING_SPEED
+    factor = slowest if bearing.damping_mode == LATCHED else bearing.damping_factor
+    return np.full(MOST_CANDIDATES, factor)
+
+
+def positive(value: float, name: str, unit: str) -> float:
+    """Return a finite number above zero as float. Raises `ValueError`."""
+    if not (np.isfinite(value) and value > 0.0):
+        raise ValueError(f"{name} = {value} must be a number above 0, in {unit}")
+    return float(value)
