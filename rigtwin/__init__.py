@@ -1,1 +1,45 @@
-"""Public API of rigtwin."""
+"""Public API of rigtwin: import from here, not from the rooms behind it.
+
+Names are loaded when they are first used, so that `import rigtwin` costs nothing. Besides these there are
+`rigtwin.backend` (what a device must offer) and `rigtwin.conformance` (its test suite).
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from daq.plan import Plan, load_plan
+    from daq.recording import Recording, RecordingError
+    from daq.rig import Rig, RigError, load_rig, shipped_rigs
+    from rigtwin.simulate import simulate
+
+__all__ = [
+    "Plan",
+    "Recording",
+    "RecordingError",
+    "Rig",
+    "RigError",
+    "load_plan",
+    "load_rig",
+    "shipped_rigs",
+    "simulate",
+]
+
+_HOMES = {
+    "Plan": "daq.plan",
+    "Recording": "daq.recording",
+    "RecordingError": "daq.recording",
+    "Rig": "daq.rig",
+    "RigError": "daq.rig",
+    "load_plan": "daq.plan",
+    "load_rig": "daq.rig",
+    "shipped_rigs": "daq.rig",
+    "simulate": "rigtwin.simulate",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from the room where it lives."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'rigtwin' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)
