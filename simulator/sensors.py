@@ -2,17 +2,18 @@
 
 A channel is a weighted sum of two true signals (a probe sees the tilts' components along its axis), plus
 seeded noise, turned to volts by its sensitivity and offset, cut at the input's range and rounded to the
-converter's steps. An encoder's channels count instead. Noise depends on seed, channel and sample index alone, so equal
-samples are equal however they are read.
+converter's steps. An encoder's channels count instead. Noise depends on seed, channel and
+sample index alone, so equal samples are equal however they are read.
 """
 
 from collections.abc import Iterable
 from math import cos, floor, inf, radians, sin, sqrt, tau
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from simulator.compile import kernel
+from simulator.instruments import Encoder, Imperfections, Probe
 from simulator.numeric import normal_noise, stream_key
 from simulator.rig import Model, RigError
 from simulator.state import SIGNALS
@@ -20,49 +21,6 @@ from simulator.state import SIGNALS
 VOLTS, ANGLE_COUNTS, TURN_COUNTS = 0, 1, 2
 
 ROWS = {name: row for row, name in enumerate(SIGNALS)}
-
-
-class Probe(Protocol):
-    """What is needed of a row of the channel table."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def quantity(self) -> str: ...
-    @property
-    def sensitivity(self) -> float: ...
-    @property
-    def offset(self) -> float: ...
-    @property
-    def range(self) -> tuple[float, float]: ...
-    @property
-    def station(self) -> float | None: ...
-    @property
-    def angle_deg(self) -> float | None: ...
-
-
-class Encoder(Protocol):
-    """What is needed of an incremental encoder; the index angle is the shaft's at the index pulse, rad."""
-
-    @property
-    def counts_per_turn(self) -> int: ...
-    @property
-    def index_angle(self) -> float: ...
-    @property
-    def direction(self) -> int: ...
-
-
-class Imperfections(Protocol):
-    """Noise and converter: m rms, N rms, bits, and rms in units of the least significant bit."""
-
-    @property
-    def displacement_noise(self) -> float: ...
-    @property
-    def force_noise(self) -> float: ...
-    @property
-    def adc_bits(self) -> int: ...
-    @property
-    def adc_noise(self) -> float: ...
 
 
 class SensorTable(NamedTuple):
@@ -151,8 +109,8 @@ def source_of(
     }
     if channel.name not in named:
         raise RigError(
-            f"[[channel]] {channel.name} ({channel.quantity}) is nothing that the emulated rig measures; it has "
-            f"displacement and force channels, encoder_angle, encoder_turns and {', '.join(named)}"
+            f"[[channel]] {channel.name} ({channel.quantity}) is nothing that the emulated rig measures; "
+            f"it has displacement and force channels, encoder_angle, encoder_turns and {', '.join(named)}"
         )
     signal, weight, converted = named[channel.name]
     return Source(VOLTS, ROWS[signal], ROWS[signal], weight, 0.0, 0.0, 0.0, converted)
@@ -209,8 +167,9 @@ def read_sensors(
 ) -> bool:
     """Turn true signals (17, n) into raw readings `raw` (n_channels, n); return whether an input was clipped.
 
-    `first_sample` is the index of column 0; `raw` may have more columns, which are left alone. Volts are multiples of the converter's step within its
-    range, counts whole numbers: the nearest, the angle's wrapped to one turn.
+    `first_sample` is the index of column 0; `raw` may have more columns, which are left alone. Volts are
+    multiples of the converter's step within its range; counts are whole numbers, the nearest, and the
+    angle's are wrapped to one turn.
     """
     clipped = False
     for channel in range(raw.shape[0]):

@@ -28,7 +28,8 @@ class Simulation:
 
     `model` holds the rig's parameters, `rate` the samples a second, `state` (12,) the state at sample 0 in
     the order of `STATE`; without one the shaft hangs still at its static equilibrium. Equal calls at equal
-    samples give equal bytes, however `advance` is divided. Raises `RigError` for a model that cannot be simulated.
+    samples give equal bytes, however `advance` is divided. Raises `RigError` for a model that cannot be
+    simulated.
 
     Attributes: `sample`, the index of the next sample; `state` (12,), the state at that sample;
     `damping_factors` (4,), s/m, of the contact's candidates, which with `state` makes a complete snapshot;
@@ -92,10 +93,6 @@ class Simulation:
 
     def release(self) -> None:
         """Switch all solenoids off now, pulses that have begun included."""
-        self._pulses = np.empty((0, PULSE_FIELDS))
-
-    def release(self) -> None:
-        """Switch the solenoids off: end all pulses now."""
         self._pulses = np.empty((0, PULSE_FIELDS))
 
     def _cause(self) -> str:
