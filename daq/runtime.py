@@ -141,6 +141,13 @@ def running(rig: str | None = None) -> Record:
     return next(iter(records.values()))
 
 
+def refuse_second(rig: str) -> None:
+    """Raise `AlreadyRunning` when a process runs this rig: an early look, before anything is started."""
+    record = all_running().get(rig)
+    if record is not None:
+        raise AlreadyRunning(_already_running(rig, record))
+
+
 def _folder_path() -> Path:
     chosen = os.environ.get("RIGTWIN_RUNTIME_DIR")
     if chosen:

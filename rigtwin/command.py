@@ -6,8 +6,15 @@ import json
 import os
 import signal
 import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from daq.messages_pb2 import Answer
+    from daq.rig import Rig
 
 END_WAIT = 60.0  # s that an orderly end may take
+TIMEOUT = 2.0  # s for an answer
+UNLEASED = ("stop", "trip", "mark")  # whoever may command may stop
 
 
 def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -42,11 +49,11 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
 
 def run(options: argparse.Namespace) -> int:
     """Send one command to the operator of the running rig, or to the daq itself when there is none."""
-    from daq.messages_pb2 import Answer
+    from daq.rig import rig_from_text
     from daq.runtime import running
 
-    record = running(options.rig)
-    answer: Answer = send(record, options.name, *arguments_of(options, record["toml"]))
+    rig = rig_from_text(running(options.rig)["toml"])
+    answer = send(rig, options.name, *arguments_of(options, rig))
     if options.json:
         print(json.dumps({"accepted": answer.accepted, "text": answer.text, "sample": answer.sample}))
     else:
@@ -54,39 +61,31 @@ def run(options: argparse.Namespace) -> int:
     return 0 if answer.accepted else 1
 
 
-def arguments_of(options: argparse.Namespace, toml: str) -> tuple[dict[str, float], dict[str, str]]:
+def arguments_of(options: argparse.Namespace, rig: "Rig") -> tuple[dict[str, float], dict[str, str]]:
     """The command's numbers and texts as messages carry them."""
     names = ("speed_hz", "ramp_hz_per_s", "force", "duration")
     values = {name: value for name in names if (value := getattr(options, name, None)) is not None}
     texts = {"text": options.text} if options.name == "mark" else {}
     if options.name == "hit":
-        texts["solenoid"] = options.solenoid or first_solenoid(toml)
+        texts["solenoid"] = options.solenoid or next(iter(rig.solenoid_names), "")
     return values, texts
 
 
-def first_solenoid(toml: str) -> str:
-    """Name of the first solenoid of a rig description."""
-    import tomllib
-
-    return next((row["name"] for row in tomllib.loads(toml).get("solenoid", [])), "")
-
-
-def send(record: dict, name: str, values: dict[str, float], texts: dict[str, str]):  # noqa: ANN201
-    """Ask the operator, which holds the lease; stop and trip reach the daq even when it is gone."""
+def send(rig: "Rig", name: str, values: dict[str, float], texts: dict[str, str]) -> "Answer":
+    """Ask the operator, which holds the lease; stop, trip and mark reach the daq even when it is gone."""
     from daq import keys
-    from daq.link import Link, NoAnswer, endpoint
+    from daq.link import Link, NoAnswer
     from daq.messages_pb2 import Answer, Command
 
-    rig = record["rig"]
     message = Command(name=name, who=getpass.getuser(), values=values, texts=texts).SerializeToString()
-    with Link(connect=[endpoint(record["host"], record[port]) for port in ("operator", "control")]) as link:
-        link.wait_connected(5.0)
+    with Link(connect=[rig.link.endpoint(port) for port in ("operator", "control")]) as link:
         try:
-            return Answer.FromString(link.ask(keys.operator_command(rig, name), message, timeout=2.0))
+            reply = link.ask(keys.operator_command(rig.name, name), message, timeout=TIMEOUT)
         except NoAnswer:
-            if name not in ("stop", "trip", "mark"):
+            if name not in UNLEASED:
                 raise
-            return Answer.FromString(link.ask(keys.command(rig, name), message, timeout=2.0))
+            reply = link.ask(keys.command(rig.name, name), message, timeout=TIMEOUT)
+    return Answer.FromString(reply)
 
 
 def run_shutdown(options: argparse.Namespace) -> int:

@@ -120,9 +120,12 @@ def disk() -> Finding:
 
 def runtime_folder() -> Finding:
     """The folder of run-time records can be written."""
-    from daq.runtime import folder
+    from daq.runtime import RuntimeRecordError, runtime_folder
 
-    place = folder()
+    try:
+        place = runtime_folder()
+    except RuntimeRecordError as error:
+        return Finding("run time", "error", str(error), "set RIGTWIN_RUNTIME_DIR to your own folder")
     try:
         with tempfile.TemporaryFile(dir=place):
             return Finding("run time", "ok", str(place))
@@ -165,9 +168,9 @@ def viewer() -> Finding:
 
 def link() -> Finding:
     """Two zenoh sessions find each other on loopback and pass a message."""
-    from daq.link import Inbox, Link, endpoint, free_ports
+    from daq.link import Inbox, Link, free_ports
 
-    address = endpoint("127.0.0.1", free_ports(1)[0])
+    address = f"tcp/127.0.0.1:{free_ports(1)[0]}"
     inbox = Inbox(4, "drop_oldest")
     with Link(listen=[address]) as ours, Link(connect=[address]) as theirs:
         theirs.subscribe("rig/doctor/ping", inbox)
