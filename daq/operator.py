@@ -5,13 +5,17 @@ brings the rig to rest. It serves people's commands on the link that it listens 
 there, and sends commands and the lease's renewals on a second link, whose loss is noticed sooner.
 """
 
-import queue
+import argparse
+import signal
 import sys
-import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
+from queue import Empty, SimpleQueue
+from threading import Thread
 from typing import TypeVar
+
+from google.protobuf.message import DecodeError
 
 from daq import keys
 from daq.commands import TAKES
@@ -19,86 +23,140 @@ from daq.link import Link, Publisher, Request
 from daq.messages_pb2 import Answer, Command, Event, Summary
 from daq.operation import Operation
 from daq.plan import Plan, load_plan
-from daq.rig import Rig, load_rig
+from daq.rig import Rig, load_rig, rig_from_text
+from daq.runtime import running
 
+PROCESS = "operator"
 RENEWAL = 0.025
 """s between two renewals of the lease."""
 STATUS_PERIOD = 0.1
 """s between two statuses."""
 CONTROL_LEASE_MS = 200
+"""ms after which a daq that is silent on the control link is given up."""
 ANSWER_TIME = 0.5
 """s within which the daq answers a command."""
-EVENT_CACHE = keys.topic(keys.event("any", "operator")).cache
-QUEUE = 1024
+CAPACITY = 1024
 """Pieces of news that may wait for the loop; what finds no room is dropped, and a command gets no answer."""
 
-News = Callable[[], object]
 M = TypeVar("M")
 
 
-def operate(rig_path: str, plan_name: str | None = None) -> int:
-    """Operate a rig until standard input ends or says `stop`; return the exit code.
+class News:
+    """What happens elsewhere, as functions for the loop's thread to call: a bounded queue with an end."""
+
+    def __init__(self) -> None:
+        self._queue: SimpleQueue[Callable[[], object]] = SimpleQueue()
+        self.ended = ""  # why
+
+    def add(self, tell: Callable[[], object]) -> None:
+        """Add a piece of news if there is room; the link's threads must not wait."""
+        if self._queue.qsize() < CAPACITY:
+            self._queue.put(tell)
+
+    def tell_next(self, timeout: float) -> None:
+        """Call the next piece of news, if one comes within `timeout` (s)."""
+        try:
+            tell = self._queue.get(timeout=timeout)
+        except Empty:
+            return
+        tell()
+
+    def end(self, reason: str) -> None:
+        """Let the loop end, and wake it."""
+        self.ended = self.ended or reason
+        self._queue.put(lambda: None)
+
+    def listen_to_parent(self) -> None:
+        """End when standard input ends or says `stop`; Ctrl-C is the parent's business."""
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, lambda number, frame: self.end("the operator was terminated"))
+        Thread(target=self._follow_input, name="standard input", daemon=True).start()
+
+    def _follow_input(self) -> None:
+        for line in sys.stdin:
+            if line.strip() == "stop":
+                break
+        self.end("the operator was told to end")
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run `python -m daq operate`; return its exit code."""
+    parser = argparse.ArgumentParser(
+        prog="python -m daq operate",
+        description="Hold the lease of a running rig, perform a plan on it and pass commands on, until standard "
+        "input ends or says stop.",
+    )
+    parser.add_argument(
+        "--rig", required=True, metavar="NAME|PATH", help="rig description of the running rig"
+    )
+    parser.add_argument("--plan", metavar="NAME|PATH", help="plan to perform (default: wait for commands)")
+    options = parser.parse_args(arguments)
+    try:
+        operate(options.rig, options.plan)
+    except (RuntimeError, ValueError) as error:
+        print(f"operator: {error}", file=sys.stderr, flush=True)
+        return 2
+    return 0
+
+
+def operate(name_or_path: str, plan_name: str | None = None) -> None:
+    """Operate a rig until standard input ends.
+
+    Args:
+        name_or_path: rig description; where it names no ports, those of the running rig of its name are taken.
+        plan_name: name or path of the plan to perform; None waits for commands.
 
     Raises:
-        RigError, PlanError, LinkError: the rig, the plan or a port cannot be used.
+        RigError, PlanError, NotRunning, LinkError: rig, plan or ports cannot be used.
     """
-    rig = load_rig(rig_path)
+    rig = load_rig(name_or_path)
+    if 0 in rig.link:
+        rig = rig_from_text(running(rig.name)["toml"], f"running rig {rig.name}")
     plan = load_plan(plan_name, rig) if plan_name else None
-    news: queue.Queue[News | None] = queue.Queue(QUEUE)
-    threading.Thread(target=_await_end, args=(news,), daemon=True).start()
     link = rig.link
     with (
         Link(listen=[link.endpoint("operator")], connect=[link.endpoint("daq")]) as data,
         Link(connect=[link.endpoint("control")], lease_ms=CONTROL_LEASE_MS) as control,
     ):
-        _run(rig, plan, data, control, news)
-    return 0
+        _run(rig, plan, data, control)
 
 
-def _run(rig: Rig, plan: Plan | None, data: Link, control: Link, news: "queue.Queue[News | None]") -> None:
+def _run(rig: Rig, plan: Plan | None, data: Link, control: Link) -> None:
     """Declare everything, then work through the news until it ends."""
-    events = data.publish(keys.event(rig.name, "operator"), cache=EVENT_CACHE)
+    news = News()
+    event_key = keys.event(rig.name, PROCESS)
+    events = data.publish(event_key, cache=keys.topic(event_key).cache)
+    status = data.publish(keys.status(rig.name, PROCESS))
+    lease = control.publish(keys.lease(rig.name))
     operation = Operation(rig, plan, partial(_ask, control, rig.name), events.put)
     data.subscribe(keys.summary(rig.name), _teller(news, Summary.FromString, operation.advance))
     data.subscribe(keys.event(rig.name, "daq"), _teller(news, Event.FromString, operation.heed))
     for name in TAKES:
         data.serve(keys.operator_command(rig.name, name), _server(news, operation, name))
-    lease = control.publish(keys.lease(rig.name))
-    status = data.publish(keys.status(rig.name, "operator"))
+    news.listen_to_parent()
     for each in (data, control):
-        each.announce(keys.alive(rig.name, "operator"))
+        each.announce(keys.alive(rig.name, PROCESS))
     try:
-        _loop(operation, lease, status, news)
+        _loop(operation, news, lease, status)
     finally:
-        operation.end("the operator was ended")
+        operation.end(news.ended or "the operator failed")
 
 
-def _loop(
-    operation: Operation, lease: Publisher, status: Publisher, news: "queue.Queue[News | None]"
-) -> None:
+def _loop(operation: Operation, news: News, lease: Publisher, status: Publisher) -> None:
     """Do what the news says; renew the lease and publish the status in between."""
     renewed = reported = time.monotonic()
     cpu = time.process_time()
-    while True:
-        try:
-            tell = news.get(timeout=RENEWAL)
-        except queue.Empty:
-            tell = _nothing
-        if tell is None:
-            return
-        tell()
+    while not news.ended:
+        news.tell_next(max(0.001, renewed + RENEWAL - time.monotonic()))
         now = time.monotonic()
-        if operation.lease and now - renewed >= 0.9 * RENEWAL:
-            lease.put(operation.lease.encode())
+        if now - renewed >= RENEWAL:
             renewed = now
+            if operation.lease:
+                lease.put(operation.lease.encode())
         if now - reported >= STATUS_PERIOD:
             used = time.process_time()
             _report(operation, status, (used - cpu) / (now - reported))
             reported, cpu = now, used
-
-
-def _nothing() -> None:
-    """Be the news when there is none."""
 
 
 def _report(operation: Operation, status: Publisher, cpu: float) -> None:
@@ -115,36 +173,25 @@ def _ask(control: Link, rig: str, command: Command) -> Answer:
     return Answer.FromString(payload)
 
 
+def _server(news: News, operation: Operation, name: str) -> Callable[[Request], None]:
+    """Return a handler that answers requests for the command `name` in the loop's thread."""
+    return lambda request: news.add(partial(_answer, operation, request, name))
+
+
 def _answer(operation: Operation, request: Request, name: str) -> None:
     """Serve one request for the command `name`."""
-    command = Command.FromString(request.payload)
-    command.name = name
-    request.reply(operation.serve(command).SerializeToString())
-
-
-def _server(news: "queue.Queue[News | None]", operation: Operation, name: str) -> Callable[[Request], None]:
-    """Return a handler that answers requests for the command `name` in the loop's thread."""
-    return lambda request: _offer(news, partial(_answer, operation, request, name))
+    try:
+        command = Command.FromString(request.payload)
+    except DecodeError:
+        answer = Answer(text=f"{request.key} takes a message Command; these bytes are none")
+    else:
+        command.name = name
+        answer = operation.serve(command)
+    request.reply(answer.SerializeToString())
 
 
 def _teller(
-    news: "queue.Queue[News | None]", parse: Callable[[bytes], M], take: Callable[[M], None]
+    news: News, parse: Callable[[bytes], M], take: Callable[[M], None]
 ) -> Callable[[str, bytes], None]:
     """Return a subscriber that hands parsed messages to `take` in the loop's thread."""
-    return lambda _key, payload: _offer(news, lambda: take(parse(payload)))
-
-
-def _offer(news: "queue.Queue[News | None]", item: News) -> None:
-    """Add a piece of news if there is room; a link's thread must not wait."""
-    try:
-        news.put_nowait(item)
-    except queue.Full:
-        return
-
-
-def _await_end(news: "queue.Queue[News | None]") -> None:
-    """Wait on standard input for its end or the word `stop`."""
-    for line in sys.stdin:
-        if line.strip() == "stop":
-            break
-    news.put(None)
+    return lambda _key, payload: news.add(lambda: take(parse(payload)))
