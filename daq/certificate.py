@@ -1,0 +1,292 @@
+"""What a recording holds and what it lacks, counted in one way while it is written and when it is checked.
+
+Completeness comes from the sample index of the blocks alone, never from what the network reports. A
+message that was there already is left out; one that comes late is taken where it fits a gap.
+"""
+
+import hashlib
+import json
+import struct
+from bisect import bisect_right
+from collections import Counter
+from dataclasses import asdict, dataclass, field
+from typing import NamedTuple
+
+from daq import keys
+from daq.fingerprint import numeric_fingerprint
+from daq.messages import TIMING_FLAGS, BlockStatus, Series, decode_series, read_header
+from daq.messages_pb2 import Event
+
+SERIES = ("Block", "Estimate", "Truth")
+DIGESTED = {"Block": "block", "Estimate": "estimate", "Truth": "truth"}
+SIGNAL = struct.Struct("<QIII")
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What was to be recorded, what was, and digests of it. Indices and counts are in samples.
+
+    Attributes:
+        part: 1, or which continuation of an interrupted recording this is.
+        first_sample: index at which this part begins.
+        expected: samples from there to the end of the run, as far as the end is known.
+        received: samples that are there.
+        gaps: (first, last) index of each stretch that is missing.
+        late: blocks that came late although nothing was lost.
+        messages: number of messages of each topic.
+        file_digest: SHA-256 of all payloads in the order of the file.
+        signal_digests: SHA-256 of the samples of block, estimate and truth, without run id and wall time.
+        fingerprint: what the numbers depend on, see `daq.fingerprint`.
+        clean: whether the run's end was seen.
+    """
+
+    part: int
+    first_sample: int
+    expected: int
+    received: int
+    gaps: tuple[tuple[int, int], ...]
+    late: int
+    messages: dict[str, int]
+    file_digest: str
+    signal_digests: dict[str, str]
+    clean: bool
+    fingerprint: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def lost(self) -> int:
+        """Samples that are missing."""
+        return self.expected - self.received
+
+    def differences(self, other: "Certificate") -> list[str]:
+        """Return the names of the fields in which two accounts of the same messages differ."""
+        counted = ("first_sample", "received", "gaps", "late", "messages", "file_digest", "signal_digests")
+        return [name for name in counted if getattr(self, name) != getattr(other, name)]
+
+    def to_metadata(self) -> dict[str, str]:
+        """Return the fields as text, as a recording stores them."""
+        return {name: json.dumps(value) for name, value in asdict(self).items()}
+
+    @classmethod
+    def from_metadata(cls, texts: dict[str, str]) -> "Certificate":
+        """Read the fields from a recording's text.
+
+        Raises:
+            ValueError: the text is no certificate.
+        """
+        try:
+            values = {name: json.loads(text) for name, text in texts.items()}
+            values["gaps"] = tuple((first, last) for first, last in values["gaps"])
+            return cls(**values)
+        except (TypeError, KeyError) as error:
+            raise ValueError(f"the certificate is not readable: {error}") from error
+
+
+class Coverage:
+    """Stretches of the sample index, joined where they touch."""
+
+    def __init__(self) -> None:
+        self._firsts: list[int] = []
+        self._ends: list[int] = []
+
+    @property
+    def end(self) -> int:
+        """Index after the last sample that is there; 0 when there is none."""
+        return self._ends[-1] if self._ends else 0
+
+    @property
+    def first(self) -> int:
+        """Index of the first sample that is there; 0 when there is none."""
+        return self._firsts[0] if self._firsts else 0
+
+    @property
+    def samples(self) -> int:
+        """How many samples are there."""
+        return sum(self._ends) - sum(self._firsts)
+
+    def add(self, first: int, end: int) -> bool:
+        """Add samples `first` to `end - 1`; return False when all of them were there."""
+        if self._ends and first == self._ends[-1] and end > first:
+            self._ends[-1] = end
+            return True
+        return self._insert(first, end)
+
+    def gaps(self, first: int, end: int) -> list[tuple[int, int]]:
+        """Return the (first, last) index of each stretch between `first` and `end - 1` that is missing."""
+        missing = []
+        for begin, stop in zip(self._firsts, self._ends, strict=True):
+            if min(begin, end) > first:
+                missing.append((first, min(begin, end) - 1))
+            first = max(first, stop)
+        if end > first:
+            missing.append((first, end - 1))
+        return missing
+
+    def _insert(self, first: int, end: int) -> bool:
+        place = bisect_right(self._firsts, first)
+        if (place and self._ends[place - 1] >= end) or end <= first:
+            return False
+        start = place
+        if place and self._ends[place - 1] >= first:
+            start, first = place - 1, self._firsts[place - 1]
+        stop = start
+        while stop < len(self._firsts) and self._firsts[stop] <= end:
+            end = max(end, self._ends[stop])
+            stop += 1
+        self._firsts[start:stop] = [first]
+        self._ends[start:stop] = [end]
+        return True
+
+
+class Entry(NamedTuple):
+    """A message that belongs in the recording."""
+
+    sample: int
+    """Sample index that it refers to."""
+    sequence: int
+    """Block number of a block; of the others, a count within their topic."""
+    series: Series | None
+    """The decoded message, of a block, an estimate or a truth."""
+
+
+class Ledger:
+    """Takes the messages of one run, says which belong in the recording, and keeps the account.
+
+    Args:
+        run: run id; messages of another run are left out. Empty: the first message's.
+        first_sample: index at which this part of the recording begins.
+    """
+
+    def __init__(self, run: str = "", first_sample: int = 0) -> None:
+        self.run = run
+        self.first_sample = first_sample
+        self.coverage: dict[str, Coverage] = {}
+        self.last_event: dict[str, int] = {}
+        self.end_sample: int | None = None
+        """Samples of the whole run, once the daq has told its end."""
+        self._messages: Counter[str] = Counter()
+        self._kinds: dict[str, str] = {}
+        self._last_sample: dict[str, int] = {}
+        self._events: dict[str, set[int]] = {}
+        self._skip: dict[str, int] = {}
+        self._late = 0
+        self._block = 0
+        self._file = hashlib.sha256()
+        self._signals = {name: hashlib.sha256() for name in SERIES}
+
+    @property
+    def blocks(self) -> Coverage:
+        """Samples of the blocks that were taken."""
+        return self.covered("Block")
+
+    def covered(self, kind: str) -> Coverage:
+        """Return which samples a series has: of kind Block, Estimate or Truth."""
+        return self.coverage.setdefault(kind, Coverage())
+
+    def leave_out(self, ends: dict[str, int], events: dict[str, int]) -> None:
+        """Leave out what an earlier part of the recording holds.
+
+        Args:
+            ends: for each topic, the index before which its messages are there already.
+            events: for each topic of events, the last sequence number that is there already.
+        """
+        self._skip.update(ends)
+        self.last_event.update(events)
+
+    def admit(self, key: str, payload: bytes) -> Entry | None:
+        """Take a message; return None when it is of another run or was there already.
+
+        Raises:
+            MessageError: the payload is not what the key promises.
+            KeyError: the key is no topic of a rig.
+        """
+        kind = self._kinds.get(key)
+        if kind is None:
+            kind = self._kinds[key] = keys.topic(key).message
+        if kind in SERIES:
+            series = decode_series(payload)
+            entry = self._admit_series(key, kind, series) if self._of_this_run(series.run) else None
+        else:
+            _timestamp, run, sample = read_header(payload)
+            known = self._of_this_run(run) and self._is_new(key, kind, sample, payload)
+            entry = Entry(sample, self._messages[key], None) if known else None
+        if entry is not None:
+            self._messages[key] += 1
+            self._file.update(payload)
+        return entry
+
+    def certificate(self, *, part: int, expected: int | None, clean: bool) -> Certificate:
+        """Return the account.
+
+        Args:
+            part: which part of the recording this is.
+            expected: samples of the whole run; None: what the daq told, or up to the last that is there.
+            clean: whether the run's end was seen.
+        """
+        end = next((known for known in (expected, self.end_sample) if known is not None), self.blocks.end)
+        end = max(end, self.blocks.end, self.first_sample)
+        gaps = self.blocks.gaps(self.first_sample, end)
+        missing = sum(last - first + 1 for first, last in gaps)
+        digests = {
+            DIGESTED[kind]: digest.hexdigest()
+            for kind, digest in self._signals.items()
+            if self.covered(kind).samples
+        }
+        length = end - self.first_sample
+        return Certificate(
+            part=part,
+            first_sample=self.first_sample,
+            expected=length,
+            received=length - missing,
+            gaps=tuple(gaps),
+            late=self._late,
+            messages=dict(sorted(self._messages.items())),
+            file_digest=self._file.hexdigest(),
+            signal_digests=digests,
+            clean=clean,
+            fingerprint=numeric_fingerprint(),
+        )
+
+    def _of_this_run(self, run: str) -> bool:
+        self.run = self.run or run
+        return run == self.run
+
+    def _admit_series(self, key: str, kind: str, series: Series) -> Entry | None:
+        first, stride = series.first_sample, series.stride or 1
+        n_samples = series.samples.shape[1]
+        if first < self._skip.get(key, self.first_sample):
+            return None
+        if not self.covered(kind).add(first, first + n_samples * stride):
+            return None
+        self._digest(kind, series)
+        sequence = self._messages[key]
+        if kind == "Block":
+            self._block = self._block or n_samples
+            self._late += bool(series.status & BlockStatus.LATE)
+            sequence = first // self._block
+        return Entry(first, sequence, series)
+
+    def _digest(self, kind: str, series: Series) -> None:
+        digest, samples = self._signals[kind], series.samples
+        digest.update(SIGNAL.pack(series.first_sample, series.status & ~TIMING_FLAGS, *samples.shape))
+        digest.update("\0".join([*series.names, *series.units]).encode())
+        digest.update(samples.tobytes())
+
+    def _is_new(self, key: str, kind: str, sample: int, payload: bytes) -> bool:
+        if kind == "Event":
+            return self._is_new_event(key, payload)
+        if kind == "Status":
+            return True
+        new = sample >= self._skip.get(key, self.first_sample) and sample > self._last_sample.get(key, -1)
+        if new:
+            self._last_sample[key] = sample
+        return new
+
+    def _is_new_event(self, key: str, payload: bytes) -> bool:
+        event = Event.FromString(payload)
+        seen = self._events.setdefault(key, set())
+        if event.sequence in seen or event.sequence <= self.last_event.get(key, -1):
+            return False
+        seen.add(event.sequence)
+        if event.source == "daq" and event.kind == "end":
+            self.end_sample = int(event.details.get("samples", self.blocks.end))
+        return True

@@ -1,0 +1,407 @@
+"""Reads recordings: messages, events, and channels as arrays, of whole, cut-off and damaged files."""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from daq import keys
+from daq.certificate import Certificate, Coverage, Ledger
+from daq.messages import Samples, Series, decode_series
+from daq.messages_pb2 import Description, Event
+from daq.records import (
+    MAGIC,
+    SEAL,
+    Damage,
+    Op,
+    RawMessage,
+    Record,
+    RecordFile,
+    read_attachment,
+    read_metadata,
+    seal,
+    split_chunk,
+    unpack_chunk,
+)
+from daq.storage import RecordingError
+
+RIG, CHANNELS = "rig.toml", "channels.csv"  # names of the attachments
+FACTS = ("run", "first_sample", "rig", "rate", "t0_ns", "t0_uncertainty_ns", "t0_source", "mode")
+NS = 10**9
+
+
+class SampleClock:
+    """Turns sample indices of a run into ns since 1970 UTC, as exact integers."""
+
+    def __init__(self, t0_ns: int, rate: float) -> None:
+        self.t0_ns = t0_ns
+        self._samples, self._seconds = rate.as_integer_ratio()
+
+    def ns(self, sample: int) -> int:
+        """Return when a sample happened, rounded down to 1 ns."""
+        return self.t0_ns + self.elapsed_ns(sample)
+
+    def elapsed_ns(self, sample: int) -> int:
+        """Return the time from sample 0 to a sample, rounded down to 1 ns."""
+        return sample * NS * self._seconds // self._samples
+
+
+class Message(NamedTuple):
+    """One message of a recording."""
+
+    key: str
+    log_time: int
+    """ns since 1970 UTC: t0 + sample / rate."""
+    sequence: int
+    """Block number of a block; of the others, a count within their topic."""
+    payload: bytes
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """Samples of some channels over a stretch of a run; `signals["force_top"]` is one channel's.
+
+    Attributes:
+        first_sample: index of the first column.
+        rate: Hz, of the sample index.
+        stride: samples of the index between two columns.
+        names: of the channels.
+        units: of the channels.
+        samples: (n_channels, n_columns), in those units; NaN where samples are missing.
+        gaps: (first, last) index of each stretch that is missing.
+    """
+
+    first_sample: int
+    rate: float
+    stride: int
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    samples: Samples
+    gaps: tuple[tuple[int, int], ...]
+
+    def __getitem__(self, name: str) -> Samples:
+        return self.samples[self.names.index(name)]
+
+    @property
+    def time(self) -> np.ndarray:
+        """Time of each column in s since sample 0, (n_columns,)."""
+        return (self.first_sample + self.stride * np.arange(self.samples.shape[1])) / self.rate
+
+
+class Check(NamedTuple):
+    """What came of comparing a recording with its certificate."""
+
+    verdict: str
+    """valid, incomplete, altered, or no certificate."""
+    reason: str
+    """Why, in plain words; empty when valid."""
+    certificate: Certificate
+    """The account, made anew from what the file holds."""
+
+
+class Recording:
+    """Reads a recording, as much at a time as is asked for; also one that was cut off or is being written.
+
+    Raises:
+        RecordingError: no such file, no MCAP, or no recording of this product.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path).expanduser()
+        self.damage: list[str] = []
+        """What the reading going on, or the last one, found cut off or damaged, in plain words."""
+        self._file = RecordFile(self.path)
+        self._topics: dict[int, str] = {}
+        self._notes: dict[str, dict[str, str]] = {}
+        self._attachments: dict[str, bytes] = {}
+        self._more_behind = False
+        for record in self._records(heal=True):
+            if record.kind == Op.CHUNK:
+                break
+        self._facts = {name: json.loads(text) for name, text in self._notes.get("description", {}).items()}
+        if "run" not in self._facts:
+            self._facts = self._facts_from_block()
+
+    def __enter__(self) -> "Recording":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    @property
+    def truncated(self) -> str:
+        """Why the last reading ended early; empty when it did not."""
+        return self.damage[0] if self.damage else ""
+
+    @property
+    def complete(self) -> bool:
+        """Whether the file was closed in order."""
+        return self._file.closed
+
+    @property
+    def part(self) -> int:
+        """1, or which continuation of an interrupted recording this is."""
+        return self._facts.get("part", 1)
+
+    @property
+    def rig_toml(self) -> str:
+        """The resolved rig description."""
+        return self._attachments.get(RIG, b"").decode()
+
+    @cached_property
+    def description(self) -> Description:
+        """What the daq said of the run; `first_sample` is where this part begins."""
+        facts = {name: self._facts[name] for name in FACTS if name in self._facts}
+        return Description(toml=self.rig_toml, versions=self._notes.get("versions", {}), **facts)
+
+    @property
+    def clock(self) -> SampleClock:
+        """Turns the run's sample indices into time."""
+        return SampleClock(self.description.t0_ns, self.description.rate)
+
+    @cached_property
+    def notes(self) -> dict[str, dict[str, str]]:
+        """All sound metadata records, by name."""
+        for _record in self._records(heal=True):
+            pass
+        return dict(self._notes)
+
+    @cached_property
+    def certificate(self) -> Certificate | None:
+        """The certificate that was written at the end; None where there is none that is sound."""
+        texts = self.notes.get("certificate")
+        try:
+            return Certificate.from_metadata(texts) if texts else None
+        except ValueError:
+            return None
+
+    def messages(self, *topics: str, heal: bool = False) -> Iterator[Message]:
+        """Yield the messages, of all topics or of some, in the order of the file.
+
+        Reading ends at the first damage, or with `heal` goes on behind it; `damage` tells.
+        """
+        wanted = frozenset(topics)
+        if heal:
+            _all_topics = self.notes
+        for data in self._chunks(wanted, heal=heal):
+            for message in self._of(data):
+                if not wanted or message.key in wanted:
+                    yield message
+
+    def last(self, topic: str) -> Message | None:
+        """Return the last sound message of a topic; only chunks that can hold it are unpacked."""
+        _all_topics = self.notes
+        chunks = [record for record in self._records(heal=True) if record.kind == Op.CHUNK]
+        for chunk in reversed(chunks):
+            if self._may_hold(chunk, frozenset([topic])):
+                found = [message for message in self._of(self._unpacked(chunk)) if message.key == topic]
+                if found:
+                    return found[-1]
+        return None
+
+    def events(self) -> list[Event]:
+        """Return all events, in the order of the file."""
+        topics = [keys.event(self.description.rig, source) for source in ("daq", "operator", "twin")]
+        return [Event.FromString(message.payload) for message in self.messages(*topics)]
+
+    def series(
+        self,
+        key: str = "block",
+        names: Sequence[str] | None = None,
+        *,
+        first: int = 0,
+        last: int | None = None,
+    ) -> Signals:
+        """Return channels as one array.
+
+        Args:
+            key: block, estimate or truth.
+            names: channels wanted, in this order; None: all.
+            first: index of the first sample wanted.
+            last: index of the last sample wanted; None: the last there is.
+
+        Raises:
+            RecordingError: there are no such samples, or no such channel.
+        """
+        topic = {"block": keys.block, "estimate": keys.estimate, "truth": keys.truth}[key](
+            self.description.rig
+        )
+        found = []
+        for message in self.messages(topic):
+            series = decode_series(message.payload)
+            if _end(series) > first and (last is None or series.first_sample <= last):
+                found.append(series)
+        if not found:
+            raise RecordingError(f"{self.path}: no samples of {key} from index {first} on")
+        known = found[0].names
+        unknown = [name for name in names or () if name not in known]
+        if unknown:
+            raise RecordingError(
+                f"{self.path}: no channel {unknown[0]!r} in {key}: it has {', '.join(known)}"
+            )
+        return _join(found, names or known)
+
+    def check(self, on_series: Callable[[str, Series], None] | None = None) -> Check:
+        """Make the account anew from what the file holds and compare it with the certificate.
+
+        Args:
+            on_series: called with the key and each block, estimate and truth on the way.
+        """
+        stored = self.certificate
+        ledger, clock = Ledger(self.description.run, self.description.first_sample), self.clock
+        wrong_times = 0
+        for message in self.messages():
+            entry = ledger.admit(message.key, message.payload)
+            if entry is not None:
+                wrong_times += message.log_time != clock.ns(entry.sample)
+                if entry.series is not None and on_series is not None:
+                    on_series(message.key, entry.series)
+        found = ledger.certificate(
+            part=self.part,
+            expected=stored.first_sample + stored.expected if stored else None,
+            clean=stored.clean if stored else ledger.end_sample is not None,
+        )
+        if wrong_times:
+            self.damage.append(f"{wrong_times} messages do not stand at the time of their samples")
+        return Check(*self._verdict(stored, found), found)
+
+    def _verdict(self, stored: Certificate | None, found: Certificate) -> tuple[str, str]:
+        if not self.complete:
+            return "altered" if self._more_behind else "incomplete", self.truncated
+        if self.damage:
+            return "altered", self.truncated
+        if not self._file.checksum_holds():
+            return "altered", "the file's checksum is wrong"
+        if stored is None:
+            return "no certificate", "rigtwin did not write this file to its end"
+        different = stored.differences(found)
+        if different:
+            return "altered", f"what it holds differs from its certificate in {', '.join(different)}"
+        if found.gaps:
+            return "incomplete", f"{found.lost} samples are missing in {len(found.gaps)} gaps"
+        if not stored.clean:
+            return "incomplete", "the recording ended before the run did"
+        return "valid", ""
+
+    def _records(self, *, heal: bool) -> Iterator[Record]:
+        """Yield the records of the data section and take in those that are not chunks.
+
+        At a damage it ends, or with `heal` goes on at the next sound chunk.
+        """
+        self.damage = []
+        position = sound = len(MAGIC)
+        while True:
+            try:
+                for record in self._file.walk(position):
+                    if record.kind == Op.CHUNK:
+                        sound = record.end
+                    else:
+                        self._take_in(record)
+                    yield record
+                return
+            except Damage as error:
+                self.damage.append(str(error))
+            chunk = self._file.next_chunk(sound)
+            self._more_behind = chunk is not None
+            if chunk is None or not heal:
+                return
+            yield chunk
+            position = sound = chunk.end
+
+    def _chunks(self, wanted: frozenset[str], *, heal: bool) -> Iterator[bytes]:
+        """Yield the records in those chunks that can hold wanted topics."""
+        for record in self._records(heal=heal):
+            if record.kind == Op.CHUNK and self._may_hold(record, wanted):
+                data = self._unpacked(record)
+                if data:
+                    yield data
+                elif not heal:
+                    self._more_behind = self._file.next_chunk(record.end) is not None
+                    return
+
+    def _unpacked(self, chunk: Record) -> bytes:
+        """Return the records in a chunk; nothing, and a note of the damage, when it is not sound."""
+        try:
+            return unpack_chunk(self._file.content(chunk))
+        except Damage as error:
+            self.damage.append(f"the chunk at byte {chunk.start} is damaged: {error}")
+            return b""
+
+    def _of(self, data: bytes) -> Iterator[Message]:
+        """Yield the messages of an unpacked chunk, learning the topics that it declares."""
+        for item in split_chunk(data):
+            if not isinstance(item, RawMessage):
+                self._topics[item[0]] = item[1]
+            elif item.channel in self._topics:
+                yield Message(self._topics[item.channel], item.log_time, item.sequence, item.payload)
+
+    def _may_hold(self, chunk: Record, wanted: frozenset[str]) -> bool:
+        """Whether a chunk can hold wanted topics, by the index behind it; none wanted means all."""
+        topics = (
+            [self._topics.get(channel) for channel in self._file.channels_behind(chunk)] if wanted else []
+        )
+        return not topics or any(topic is None or topic in wanted for topic in topics)
+
+    def _take_in(self, record: Record) -> None:
+        """Remember a metadata record or an attachment that is sound."""
+        try:
+            if record.kind == Op.ATTACHMENT:
+                name, content = read_attachment(self._file.content(record))
+                self._attachments[name] = content
+            elif record.kind == Op.METADATA:
+                name, texts = read_metadata(self._file.content(record))
+                if texts.pop(SEAL, None) != seal(texts):
+                    raise Damage("its checksum is wrong")
+                self._notes[name] = texts
+                if name == "topics":
+                    self._topics |= {int(number): topic for number, topic in texts.items()}
+        except Damage as error:
+            self.damage.append(f"the record at byte {record.start} is damaged: {error}")
+
+    def _facts_from_block(self) -> dict[str, Any]:
+        """Make up for a lost description by what the first block tells."""
+        for message in self.messages(heal=True):
+            if message.key.endswith("/daq/block"):
+                series = decode_series(message.payload)
+                elapsed = SampleClock(0, series.rate).ns(series.first_sample)
+                t0_ns = message.log_time - elapsed
+                return {
+                    "run": series.run,
+                    "rig": message.key.split("/")[1],
+                    "rate": series.rate,
+                    "t0_ns": t0_ns,
+                }
+        raise RecordingError(
+            f"{self.path} is MCAP, but holds no recording of a rig: it comes from another program, or "
+            "was cut off before its first block"
+        )
+
+
+def _end(series: Series) -> int:
+    """Index behind a series."""
+    return series.first_sample + series.samples.shape[1] * max(series.stride, 1)
+
+
+def _join(found: Sequence[Series], names: Sequence[str]) -> Signals:
+    """Put series side by side where their index says, with NaN between them."""
+    stride = max(found[0].stride, 1)
+    first = min(series.first_sample for series in found)
+    end = max(_end(series) for series in found)
+    rows = [found[0].names.index(name) for name in names]
+    samples = np.full((len(rows), -(-(end - first) // stride)), np.nan, np.float32)
+    coverage = Coverage()
+    for series in found:
+        column = (series.first_sample - first) // stride
+        samples[:, column : column + series.samples.shape[1]] = series.samples[rows]
+        coverage.add(series.first_sample, _end(series))
+    units = tuple(found[0].units[row] for row in rows)
+    gaps = tuple(coverage.gaps(first, end))
+    return Signals(first, found[0].rate, stride, tuple(names), units, samples, gaps)
