@@ -1,0 +1,58 @@
+"""`python -m daq acquire` owns a rig's hardware; `python -m daq operate` performs plans on it."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the process that the arguments name; return its exit code, 2 when it cannot do its work."""
+    options = _parser().parse_args(arguments)
+    try:
+        return options.run_process(options)
+    except (RuntimeError, ValueError) as error:
+        print(f"daq: {error}", file=sys.stderr, flush=True)
+        return 2
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m daq", description=__doc__)
+    processes = parser.add_subparsers(required=True, metavar="PROCESS")
+    acquire = processes.add_parser(
+        "acquire", help="acquire, protect and publish a rig until standard input ends or says stop"
+    )
+    acquire.add_argument("--rig", required=True, metavar="NAME|PATH", help="rig description")
+    acquire.add_argument("--run", default="", metavar="ID", help="run id (default: made of the time)")
+    acquire.add_argument(
+        "--wait-for",
+        default="",
+        metavar="NAMES",
+        help="processes that must be there before the first sample, separated by commas",
+    )
+    acquire.add_argument("--duration", type=float, metavar="S", help="end after this many seconds")
+    acquire.set_defaults(run_process=_acquire)
+    operate = processes.add_parser("operate", help="hold the lease, perform plans, pass commands on")
+    operate.add_argument("--rig", required=True, metavar="NAME|PATH", help="rig description")
+    operate.add_argument("--plan", metavar="NAME|PATH", help="plan to perform (default: none)")
+    operate.set_defaults(run_process=_operate)
+    return parser
+
+
+def _acquire(options: argparse.Namespace) -> int:
+    from daq.rig import load_rig
+    from daq.service import acquire
+
+    wait_for = tuple(name for name in options.wait_for.split(",") if name)
+    acquire(load_rig(options.rig), options.run, wait_for, options.duration)
+    return 0
+
+
+def _operate(options: argparse.Namespace) -> int:
+    from daq.operator import operate
+
+    operate(options.rig, options.plan)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

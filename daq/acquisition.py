@@ -1,0 +1,263 @@
+"""The acquisition: one device read, protected, published and commanded, without threads or waiting.
+
+Whoever owns an `Acquisition` calls all its methods from one thread: the live service paces `step` by the
+device, `daq.offline` calls it as fast as it goes. Both get the same blocks, events and answers.
+"""
+
+from collections.abc import Callable
+from math import tau
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq import protection
+from daq.backend import Backend, PastSampleError, Reading, RestOutput, TruthSource
+from daq.commands import CommandError, Commands, Situation
+from daq.events import EventLog, Publish
+from daq.messages import BlockStatus
+from daq.messages_pb2 import ALARM, INFO, WARNING, Answer, Command, Status
+from daq.rig import Rig
+from daq.stream import Stream
+from daq.timing import StartTime, start_timed
+
+AT_REST = 0.2 * tau
+"""rad/s below which the rotor counts as at rest."""
+LEASE_LOST = "lease lost"
+MANUAL = "manual"
+
+Reply = Callable[[Answer], object]
+
+
+class Acquisition:
+    """Acquires one run: `begin`, then `step` and `serve` until the end, `rest` until `at_rest`, `end`.
+
+    Args:
+        rig: what to acquire and how to protect it.
+        backend: an opened device.
+        publish: takes key and payload of everything that is published.
+        run: run id.
+        t0_ns: UTC of sample 0 in ns since 1970; None takes the host's clock when sampling starts.
+    """
+
+    def __init__(
+        self, rig: Rig, backend: Backend, publish: Publish, *, run: str, t0_ns: int | None = None
+    ) -> None:
+        n_channels, read = len(rig.channels), rig.acquisition.read
+        self.rig = rig
+        self.run = run
+        self.start_time: StartTime | None = None  # None until sampling has begun
+        self.sample = 0  # index of the next sample to be read
+        self.lost = 0  # samples that the device lost so far
+        self.ending = False  # nothing moves any more
+        self.ended = False
+        self.commands = Commands(rig, backend.capabilities.outputs)
+        self._backend = backend
+        self._publish = publish
+        self._given_t0 = t0_ns
+        self._paced = backend.capabilities.paced
+        self._flags = BlockStatus.EMULATED if backend.capabilities.emulated else BlockStatus(0)
+        self._truth = backend if isinstance(backend, TruthSource) else None
+        self._guard = protection.guard_of(rig)
+        self._protection = protection.initial_state(self._guard)
+        self._raw = np.empty((n_channels, read))
+        self._values = np.empty((n_channels, read), np.float32)
+
+    @property
+    def first_out(self) -> str:
+        """Cause of the latched trip; empty when there is none."""
+        latched = self._protection.first_out
+        return latched.cause if latched else ""
+
+    @property
+    def state(self) -> str:
+        """`waiting`, `idle`, `armed`, `tripped` or `ended`."""
+        if self.start_time is None:
+            return "waiting"
+        if self.ended:
+            return "ended"
+        if self.first_out:
+            return "tripped"
+        return "armed" if self.commands.armed else "idle"
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the rotor stood still in the last read; true for a rig that measures no speed."""
+        for condition, now in zip(self._guard.conditions, self._protection.conditions, strict=True):
+            if condition.name == "speed":
+                return now.maximum < AT_REST
+        return True
+
+    @property
+    def lag(self) -> float:
+        """How far the acquisition is behind the device, s."""
+        return max(0, self._backend.clock() - self.sample) / self.rig.acquisition.rate
+
+    def begin(self) -> None:
+        """Start sampling and publish the event `start`."""
+        if self._given_t0 is None:
+            self.start_time = start_timed(self._backend.start)
+        else:
+            self._backend.start()
+            self.start_time = StartTime(self._given_t0, 0, "given")
+        rig, truth = self.rig, self._truth
+        named = (truth.truth_names, truth.truth_units) if truth else None
+        self._stream = Stream(rig, self._guard, self.run, self.start_time, self._publish, named)
+        self._events = EventLog(rig.name, self.run, rig.acquisition.rate, self.start_time, self._publish)
+        self._events.add("start", f"run {self.run} of {rig.name} started", 0, details={"run": self.run})
+
+    def due(self) -> float:
+        """Return the seconds until a whole read is there; 0 when one is."""
+        if not self._paced:
+            return 0.0
+        missing = self.sample + self.rig.acquisition.read - self._backend.clock()
+        return max(0, missing) / self.rig.acquisition.rate
+
+    def step(self) -> int:
+        """Read what is there, at most one read; protect, act, publish. Return the number of samples read."""
+        reading = self._backend.read(self._raw)
+        if not reading.n_samples:
+            return 0
+        flags = self._flags | reading.flags | self._note_gap(reading) | self._lateness(reading)
+        values = self._calibrate(reading)
+        verdict = protection.check(values, reading.first_sample, self._protection, self._guard)
+        self._protection = verdict.state
+        if not verdict.sensors_ok:
+            flags |= BlockStatus.SENSOR_NOT_OK
+        if verdict.trip:
+            self._trip("trip", verdict.trip)
+        for warned in verdict.warnings:
+            self._events.add("warning", warned.text, warned.sample, WARNING, {"cause": warned.cause})
+        self._stream.add(values, reading.first_sample, flags)
+        if self._truth:
+            self._stream.add_truth(self._truth.truth(), reading.first_sample, flags)
+        return reading.n_samples
+
+    def serve(self, command: Command, reply: Reply = lambda answer: None) -> Answer:
+        """Judge and carry out a command: the answer goes to `reply` first, then the event is published."""
+        sample = self._backend.clock()
+        details: dict[str, object] = {"who": command.who, **command.values, **command.texts}
+        try:
+            answer = self._carry_out(command, sample)
+        except (CommandError, PastSampleError) as error:
+            answer = Answer(accepted=False, text=str(error), sample=sample)
+        reply(answer)
+        details |= {"answer": answer.text, "effect_sample": answer.sample}
+        said = f"{command.who or 'someone'}: {answer.text}"
+        if not answer.accepted:
+            refused = f"{command.name} refused to {command.who or 'someone'}: {answer.text}"
+            self._events.add("refused", refused, sample, WARNING, details | {"command": command.name})
+        elif command.name == "trip":
+            self._events.add("trip", said, sample, ALARM, details | {"cause": MANUAL})
+        else:
+            self._events.add(command.name, said, sample, INFO, details)
+        return answer
+
+    def renew(self, lease: str) -> None:
+        """Take the lease holder's sign of life."""
+        self.commands.renew(lease)
+
+    def elapse(self, seconds: float) -> None:
+        """Let time pass by the daq's own clock; a holder that is silent for too long loses the lease."""
+        if self.commands.elapse(seconds):
+            text = f"{self.commands.holder} was silent for 0.1 s: lease lost, rig brought to rest"
+            self._trip("lease_lost", protection.Trip(LEASE_LOST, self._backend.clock(), text))
+
+    def rest(self) -> None:
+        """Bring the rotor to rest for the run's end; no command moves it any more."""
+        self.ending = True
+        self._write_rest()
+
+    def end(self) -> None:
+        """Publish what is left and the event `end`, whose detail `samples` is the run's last index plus 1."""
+        self._stream.flush()
+        self.ending = self.ended = True
+        details = {"samples": self.sample, "lost": self.lost}
+        text = f"run ended after {self.sample / self.rig.acquisition.rate:.2f} s"
+        self._events.add("end", text, self.sample, details=details)
+        self._backend.stop()
+
+    def fail(self, reason: str) -> None:
+        """Publish that the device failed, before `end`."""
+        self._events.add("failure", reason, self.sample, ALARM)
+
+    def status(self) -> Status:
+        """Return the state of the acquisition; the caller adds clocks, queue fill and CPU share."""
+        started = self.start_time
+        timestamp = started.timestamp(self.sample, self.rig.acquisition.rate) if started else 0.0
+        return Status(
+            timestamp=timestamp,
+            run=self.run,
+            sample=self.sample,
+            process="daq",
+            state=self.state,
+            lease_holder=self.commands.holder,
+            first_out=self.first_out,
+            backend=self.rig.acquisition.backend,
+            samples=self.sample - self.lost,
+            lost=self.lost,
+            lag=self.lag if started and not self.ended else 0.0,
+        )
+
+    def _calibrate(self, reading: Reading) -> NDArray[np.float32]:
+        """Turn the raw reading into the channels' units, float32."""
+        raw = self._raw[:, : reading.n_samples]
+        values = self._values[:, : reading.n_samples]
+        values[...] = self.rig.channels.calibrate(raw, raw)
+        return values
+
+    def _note_gap(self, reading: Reading) -> BlockStatus:
+        """Publish a gap when samples are missing before this reading; set the next index."""
+        expected, self.sample = self.sample, reading.first_sample + reading.n_samples
+        missing = reading.first_sample - expected
+        if not missing:
+            return BlockStatus(0)
+        self.lost += missing
+        last = reading.first_sample - 1
+        overrun = BlockStatus.OVERRUN in reading.flags
+        cause = "the device's buffer overflowed" if overrun else "the device skipped samples"
+        text = f"{missing} samples lost ({missing / self.rig.acquisition.rate:.3f} s): {cause}"
+        self._events.add("gap", text, expected, ALARM, {"first": expected, "last": last, "cause": cause})
+        return BlockStatus.GAP_BEFORE
+
+    def _lateness(self, reading: Reading) -> BlockStatus:
+        """Flag a read after which a whole read, or more, is still waiting."""
+        late = self._paced and self._backend.clock() - self.sample >= self.rig.acquisition.read
+        return BlockStatus.LATE if late else BlockStatus(0)
+
+    def _carry_out(self, command: Command, sample: int) -> Answer:
+        """Perform an accepted command. Raises `CommandError` or `PastSampleError` when it is refused."""
+        if self.start_time is None:
+            raise CommandError("the run has not started yet")
+        decision = self.commands.decide(command, Situation(sample, self.first_out, self.ending))
+        if command.name == "reset":
+            self._reset()
+        if decision.output:
+            sample = self._backend.write(decision.output, decision.at_sample)
+            self.commands.performed(decision.output, sample)
+        if command.name in ("stop", "trip"):
+            self.commands.disarm()
+        if command.name == "trip":
+            manual = protection.Trip(MANUAL, sample, decision.text)
+            self._protection = protection.latch(self._protection, manual)
+        return Answer(accepted=True, text=decision.text, sample=sample, lease=decision.lease)
+
+    def _reset(self) -> None:
+        state, refused = protection.reset(self._protection, self._guard)
+        if refused:
+            raise CommandError(f"the cause lives: {refused}")
+        self._protection = state
+
+    def _trip(self, kind: str, trip: protection.Trip) -> None:
+        """Bring the rig to rest, latch, and publish why."""
+        holder = self.commands.holder
+        effect = self._write_rest()
+        self._protection = protection.latch(self._protection, trip)
+        details = {"cause": trip.cause, "first_out": self.first_out, "who": holder, "effect_sample": effect}
+        self._events.add(kind, trip.text, trip.sample, ALARM, details)
+
+    def _write_rest(self) -> int:
+        output = RestOutput(self.rig.safe_state.ramp)
+        sample = self._backend.write(output)
+        self.commands.performed(output, sample)
+        self.commands.disarm()
+        return sample

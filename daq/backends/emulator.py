@@ -1,0 +1,243 @@
+"""The emulated device: the simulated rig behind sensors, a converter, a buffer and a clock."""
+
+from collections.abc import Callable
+from heapq import heappop, heappush
+from time import monotonic
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.backend import (
+    BackendError,
+    Capabilities,
+    HitOutput,
+    Output,
+    PastSampleError,
+    Reading,
+    RestOutput,
+    SpeedOutput,
+)
+from daq.messages import BlockStatus
+from daq.rig import Rig
+from simulator.sensors import read_sensors, sensor_table
+from simulator.simulation import Simulation, SimulationError
+from simulator.state import SIGNALS, TRUTH
+
+UNITS = {
+    "tilt": "rad",
+    "tilt_rate": "rad/s",
+    "house": "m",
+    "house_rate": "m/s",
+    "ring_speed": "rad/s",
+    "angle": "rad",
+    "speed": "rad/s",
+    "contact_force": "N",
+    "normal_force": "N",
+    "penetration": "m",
+}
+"""Unit of each true signal, by its name without `_x` or `_y`."""
+RATES = (100.0, 1e6)
+CHUNK = 1000
+"""Samples simulated at once."""
+
+
+class Emulator:
+    """A device whose rig is simulated (a `Backend` and a `TruthSource`).
+
+    Paced, it lives by the host's monotonic clock from `start` on: a sample exists once its time has come,
+    and is computed when it is read. The device holds the rig's `[emulator] buffer` seconds of samples; a
+    reader that is further behind loses the oldest. An output takes effect `latency` after the sample that
+    the clock has reached when it is written, whether that sample has been computed yet or not.
+
+    Unpaced, the clock is at the last sample read, and each read moves it on by what was asked for.
+
+    Args:
+        paced: whether to live by the host's clock.
+        clock: seconds that never go back.
+    """
+
+    truth_names = TRUTH
+    truth_units = tuple(UNITS[name.removesuffix("_x").removesuffix("_y")] for name in TRUTH)
+
+    def __init__(self, paced: bool = True, clock: Callable[[], float] = monotonic) -> None:
+        self.capabilities = Capabilities(
+            rates=RATES,
+            outputs=(SpeedOutput, HitOutput, RestOutput),
+            hardware_timing=True,
+            watchdog_s=None,
+            emulated=True,
+            paced=paced,
+        )
+        self._now = clock
+        self._rig: Rig | None = None
+        self._simulation: Simulation | None = None
+        self._origin = 0.0  # s of `clock` at sample 0
+        self._next = 0  # sample that the next reading begins with
+        self._stopped_at: int | None = 0  # what `clock()` says while nothing is sampled
+        self._pending: list[tuple[int, int, Output]] = []  # heap of (sample, order of writing, output)
+        self._written = 0
+        self._signals = Scratch(len(SIGNALS))
+        self._part = Scratch(len(SIGNALS))
+        self._last = self._signals.columns(0)
+
+    def open(self, rig: Rig) -> None:
+        """Take the rig's model and channels, and compile what the first read needs."""
+        if not RATES[0] <= rig.acquisition.rate <= RATES[1]:
+            allowed = f"{RATES[0]:g} to {RATES[1]:g} Hz"
+            raise BackendError(f"the emulator samples with {allowed}, not {rig.acquisition.rate:g} Hz")
+        self._rig = rig
+        self._seed = rig.emulator.seed
+        force_per_ampere = rig.solenoids[0].force_per_ampere if rig.solenoids else 1.0
+        self._sensors = sensor_table(
+            rig.channels, rig.emulated_model, rig.encoder, force_per_ampere, rig.emulator
+        )
+        self._solenoids = {solenoid.name: solenoid for solenoid in rig.solenoids}
+        self._latency = max(1, round(rig.emulator.latency * rig.acquisition.rate))
+        self._buffer = max(1, round(rig.emulator.buffer * rig.acquisition.rate))
+        self._warm_up(rig)
+
+    def start(self) -> None:
+        """Begin at sample 0 with the shaft hanging still."""
+        rig = self._opened()
+        self._simulation = Simulation(rig.emulated_model, rig.acquisition.rate)
+        self._pending.clear()
+        self._next = 0
+        self._stopped_at = None
+        self._origin = self._now()
+
+    def clock(self) -> int:
+        """Return the number of samples taken."""
+        if self._stopped_at is not None:
+            return self._stopped_at
+        if not self.capabilities.paced:
+            return self._next
+        return int((self._now() - self._origin) * self._opened().acquisition.rate)
+
+    def read(self, out: NDArray[np.float64]) -> Reading:
+        """Compute and return the oldest samples that have not been read; `out` must be C-contiguous."""
+        simulation = self._running()
+        flags = BlockStatus(0)
+        count = out.shape[1]
+        if self.capabilities.paced:
+            taken = self.clock()
+            if taken - self._buffer > self._next:
+                flags |= BlockStatus.OVERRUN
+                self._lose(simulation, taken - self._buffer)
+            count = min(count, taken - self._next)
+        first = self._next
+        self._last = self._signals.columns(count)
+        if count:
+            self._simulate(simulation, self._last)
+            if read_sensors(self._sensors, self._last, first, self._seed, out):
+                flags |= BlockStatus.CLIPPED
+            self._next += count
+        return Reading(first, count, flags)
+
+    def truth(self) -> NDArray[np.float64]:
+        """Return the true signals of the last reading."""
+        return self._last[: len(TRUTH)]
+
+    def write(self, output: Output, at_sample: int | None = None) -> int:
+        """Schedule an output; the earliest is `latency` after the present."""
+        self._running()
+        if isinstance(output, HitOutput) and output.solenoid not in self._solenoids:
+            raise BackendError(f"the emulated rig has no solenoid {output.solenoid}")
+        reached = self.clock()
+        earliest = reached + self._latency
+        if at_sample is not None and at_sample < earliest:
+            raise PastSampleError(
+                f"sample {at_sample} is too early: the device is at {reached} and needs {self._latency} more"
+            )
+        sample = earliest if at_sample is None else at_sample
+        if isinstance(output, RestOutput):
+            self._pending.clear()
+        heappush(self._pending, (sample, self._written, output))
+        self._written += 1
+        return sample
+
+    def stop(self) -> None:
+        """End sampling; the simulated rig ends with it."""
+        self._stopped_at = self.clock()
+        self._simulation = None
+        self._pending.clear()
+
+    def close(self) -> None:
+        """Forget the rig."""
+        self.stop()
+        self._rig = None
+
+    def _opened(self) -> Rig:
+        if self._rig is None:
+            raise BackendError("the emulator is not open: call open(rig) first")
+        return self._rig
+
+    def _running(self) -> Simulation:
+        if self._simulation is None:
+            raise BackendError("the emulator is not sampling: call start() first")
+        return self._simulation
+
+    def _simulate(self, simulation: Simulation, signals: NDArray[np.float64]) -> None:
+        """Fill `signals`, performing each output at its sample."""
+        done, count = 0, signals.shape[1]
+        while done < count:
+            self._perform_due(simulation)
+            step = count - done
+            if self._pending:
+                step = min(step, self._pending[0][0] - simulation.sample)
+            if step == count:
+                _advance(simulation, signals)
+            else:
+                part = self._part.columns(step)
+                _advance(simulation, part)
+                signals[:, done : done + step] = part
+            done += step
+
+    def _perform_due(self, simulation: Simulation) -> None:
+        while self._pending and self._pending[0][0] <= simulation.sample:
+            _, _, output = heappop(self._pending)
+            if isinstance(output, HitOutput):
+                simulation.hit(self._solenoids[output.solenoid], output.force, output.duration)
+            elif isinstance(output, RestOutput):
+                simulation.set_speed(0.0, output.ramp)
+                simulation.release()
+            else:
+                simulation.set_speed(output.speed, output.ramp)
+
+    def _lose(self, simulation: Simulation, until: int) -> None:
+        """Go on to sample `until` without keeping what is on the way."""
+        while self._next < until:
+            count = min(CHUNK, until - self._next)
+            self._simulate(simulation, self._signals.columns(count))
+            self._next += count
+
+    def _warm_up(self, rig: Rig) -> None:
+        """Run everything once, so that what is compiled on its first call is compiled now."""
+        simulation = Simulation(rig.emulated_model, rig.acquisition.rate)
+        simulation.set_speed(1.0, 1.0)
+        for solenoid in rig.solenoids:
+            simulation.hit(solenoid, 0.0, solenoid.max_duration)
+        signals = self._signals.columns(2)
+        _advance(simulation, signals)
+        read_sensors(self._sensors, signals, 0, self._seed, np.empty((len(rig.channels), 2)))
+
+
+class Scratch:
+    """Working memory that gives contiguous arrays of a fixed number of rows."""
+
+    def __init__(self, n_rows: int) -> None:
+        self._n_rows = n_rows
+        self._memory = np.empty(n_rows * CHUNK)
+
+    def columns(self, count: int) -> NDArray[np.float64]:
+        """Return an array (n_rows, count); it is valid until the next call."""
+        size = self._n_rows * count
+        if size > len(self._memory):
+            self._memory = np.empty(size)
+        return self._memory[:size].reshape(self._n_rows, count)
+
+
+def _advance(simulation: Simulation, signals: NDArray[np.float64]) -> None:
+    try:
+        simulation.advance(signals)
+    except SimulationError as error:
+        raise BackendError(f"the emulated rig failed: {error}") from error

@@ -1,0 +1,39 @@
+"""What the daq says of a run: the message that answers `daq/description` and stands in every recording."""
+
+import platform
+from importlib.metadata import PackageNotFoundError, version
+
+from daq.messages_pb2 import Description
+from daq.rig import Rig
+from daq.timing import StartTime
+
+PACKAGES = ("rigtwin", "numpy", "numba", "eclipse-zenoh", "mcap", "protobuf")
+LIVE, EMULATED, REPLAY = "LIVE", "EMULATED", "REPLAY"
+
+
+def describe(rig: Rig, run: str, start: StartTime, emulated: bool) -> Description:
+    """Return the description of a run that has started."""
+    return Description(
+        timestamp=start.timestamp(0, rig.acquisition.rate),
+        run=run,
+        first_sample=0,
+        rig=rig.name,
+        toml=rig.toml,
+        rate=rig.acquisition.rate,
+        t0_ns=start.t0_ns,
+        t0_uncertainty_ns=start.uncertainty_ns,
+        t0_source=start.source,
+        mode=EMULATED if emulated else LIVE,
+        versions=versions(),
+    )
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that a run hangs on."""
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
