@@ -6,6 +6,7 @@ a viewer that is stopped or killed takes nothing from whoever draws.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +16,9 @@ from numpy.typing import NDArray
 
 from daq.rig import Rig
 from twin.display_data import MICRO, Contact, Curve, Frame, Orbit, Scene
-from twin.display_geometry import bearing_edge, circle, ruler, view_radius
+from twin.display_geometry import bearing_edge, ruler, view_radius
+from twin.viewer import HOST, refuse_taken, wait_until_served
 
-HOST = "127.0.0.1"
 SERVER_MEMORY = "256MB"  # kept for viewers that come late: about half an hour of a run
 TIMELINE = "time"  # s since the run's start: sample index over rate
 WINDOW = 10.0  # s that the plots show while a run is followed
@@ -27,11 +28,14 @@ Colour = tuple[int, int, int]
 MEASURED_X, MEASURED_Y = (86, 180, 233), (240, 190, 70)
 TWIN_X, TWIN_Y = (213, 94, 160), (60, 190, 130)
 MEASURED, TWIN, COMMAND = MEASURED_X, TWIN_X, (150, 150, 150)
-EDGE, RULER, CONTACT = (235, 235, 235), (95, 100, 110), (240, 80, 60)
+EDGE, RULER, CONTACT = (225, 225, 225), (80, 86, 96), (240, 80, 60)
 RESIDUALS = ((86, 180, 233), (240, 190, 70), (60, 190, 130), (213, 94, 160), (170, 140, 240), (200, 200, 200))
-MODES = {"LIVE": (220, 60, 50), "EMULATED": (60, 150, 90), "REPLAY": (70, 120, 210)}
 BACKGROUND = (16, 18, 22)
 
+ORBITS = {  # colour, half widths of line and dot on the screen, order from back to front
+    "measured": (MEASURED, 2.0, 6.0, 20.0),
+    "twin": (TWIN, 0.9, 4.0, 30.0),
+}
 LEVELS = (rr.TextLogLevel.INFO, rr.TextLogLevel.WARN, rr.TextLogLevel.ERROR)
 
 LINES: dict[str, tuple[tuple[str, ...], tuple[Colour, ...]]] = {
@@ -41,6 +45,13 @@ LINES: dict[str, tuple[tuple[str, ...], tuple[Colour, ...]]] = {
     "force/twin": (("twin's contact force",), (TWIN,)),
     "speed": (("speed", "set-point"), (MEASURED, COMMAND)),
 }
+PLOTS = {  # title and share of the height
+    "displacement": ("Displacement at the bearing, µm", 3.0),
+    "force": ("Force, N", 3.0),
+    "speed": ("Speed, Hz", 2.0),
+    "residual/m": ("Residual of the probes (measured less twin), µm", 2.0),
+    "residual/N": ("Residual of the transducers (measured less twin), N", 2.4),
+}
 
 
 class Screen:
@@ -49,30 +60,39 @@ class Screen:
     Args:
         rig: what is shown.
         scene: from which the frames come; it knows the names of the twin's residuals.
-        name: of the recording in the viewer.
-        run: run id; equal ids are the same recording.
+        identity: of the recording in the viewer; equal identities are the same recording.
     """
 
-    def __init__(self, rig: Rig, scene: Scene, *, name: str, run: str) -> None:
+    def __init__(self, rig: Rig, scene: Scene, identity: str) -> None:
         self._rig = rig
         self._scene = scene
-        self._stream = rr.RecordingStream("rigtwin", recording_id=run)
+        self._stream = rr.RecordingStream("rigtwin", recording_id=identity)
         self._stream.set_log_tick_enabled(False)
         self._stream.set_log_time_enabled(False)
-        self._stream.send_recording_name(name)
         self._named: set[str] = set()
 
     def serve(self, port: int) -> str:
-        """Serve viewers on loopback; return the address for them. Follows the newest data."""
+        """Serve viewers on loopback; return the address for them. Raises `ViewerError`."""
+        refuse_taken(port)
         sink = rr.GrpcServerSink(HOST, port, server_memory_limit=SERVER_MEMORY)
         self._stream.set_sinks(sink, default_blueprint=blueprint(self._rig, following=True))
+        wait_until_served(port)
         self._draw_surroundings()
         return str(sink.uri)
+
+    def join(self, address: str) -> None:
+        """Show this run too on the server of another screen, which stays open as long as this one."""
+        self._stream.connect_grpc(address, default_blueprint=blueprint(self._rig, following=True))
+        self._draw_surroundings()
 
     def save(self, path: Path) -> None:
         """Write to a file instead, for a viewer that opens it later at its beginning."""
         self._stream.save(path, default_blueprint=blueprint(self._rig, following=False))
         self._draw_surroundings()
+
+    def name(self, text: str) -> None:
+        """Give the recording the name that the viewer lists."""
+        self._stream.send_recording_name(text)
 
     def close(self) -> None:
         """Send what is left and end the server or the file."""
@@ -134,7 +154,8 @@ class Screen:
         if name not in self._named:
             self._named.add(name)
             names, colours = self._lines(name)
-            style = rr.SeriesLines(names=names, colors=colours, widths=[1.2] * len(names))
+            width = 1.0 if name.endswith("/twin") else 1.6
+            style = rr.SeriesLines(names=names, colors=colours, widths=[width] * len(names))
             self._stream.log(f"plots/{name}", style, static=True)
         times = rr.TimeColumn(TIMELINE, duration=curve.times)
         self._stream.send_columns(f"plots/{name}", [times], rr.Scalars.columns(scalars=curve.values))
@@ -147,15 +168,15 @@ class Screen:
         return names, [RESIDUALS[number % len(RESIDUALS)] for number in range(len(names))]
 
     def _draw_orbit(self, name: str, orbit: Orbit) -> None:
-        colour = MEASURED if name == "measured" else TWIN
+        """Draw the path, a large dot for each passing of the encoder's zero, a small one for now."""
+        colour, width, size, order = ORBITS[name]
         strips, colours = faded(flipped(orbit.path), colour)
-        width = rr.Radius.ui_points(1.6 if name == "measured" else 1.0)
-        order = 20.0 if name == "measured" else 30.0
-        path = rr.LineStrips2D(strips, colors=colours, radii=width, draw_order=order)
+        path = rr.LineStrips2D(strips, colors=colours, radii=rr.Radius.ui_points(width), draw_order=order)
         self._stream.log(f"orbit/{name}", path)
-        marks = flipped(np.vstack((orbit.marks, orbit.path[-1:])))
-        sizes = [rr.Radius.ui_points(4.5)] * len(orbit.marks) + [rr.Radius.ui_points(3.0)]
-        self._stream.log(f"orbit/{name}/keyphasor", rr.Points2D(marks, radii=sizes, colors=colour, draw_order=40.0))
+        dots = flipped(np.vstack((orbit.marks, orbit.path[-1:])))
+        sizes = rr.Radius.ui_points([size] * len(orbit.marks) + [0.5 * size])
+        points = rr.Points2D(dots, radii=sizes, colors=colour, draw_order=order + 1.0)
+        self._stream.log(f"orbit/{name}/keyphasor", points)
 
     def _draw_contact(self, contact: Contact | None) -> None:
         origins = np.empty((0, 2)) if contact is None else flipped(contact.position[np.newaxis])
@@ -171,10 +192,12 @@ def flipped(points: NDArray[np.float64]) -> NDArray[np.float32]:
     return (points * (1.0, -1.0)).astype(np.float32)
 
 
-def faded(path: NDArray[np.float32], colour: Colour, pieces: int = 4) -> tuple[list[NDArray[np.float32]], list[Colour]]:
+def faded(
+    path: NDArray[np.float32], colour: Colour, pieces: int = 4
+) -> tuple[list[NDArray[np.float32]], list[Colour]]:
     """Cut a path into pieces that share their ends; the older a piece, the nearer the background's colour."""
     cuts = np.linspace(0, len(path) - 1, pieces + 1).astype(int)
-    strips = [path[start : end + 1] for start, end in zip(cuts, cuts[1:], strict=False)]
+    strips = [path[start : end + 1] for start, end in pairwise(cuts)]
     shares = np.linspace(0.35, 1.0, pieces)
     dark, light = np.array(BACKGROUND), np.array(colour)
     return strips, [tuple((dark + share * (light - dark)).astype(int)) for share in shares]
@@ -182,21 +205,25 @@ def faded(path: NDArray[np.float32], colour: Colour, pieces: int = 4) -> tuple[l
 
 def blueprint(rig: Rig, *, following: bool) -> rrb.Blueprint:
     """Return the arrangement of the views; `following` keeps to the newest data with a sliding window."""
+    modelled = rig.twin.model != "none"
+    left: list[tuple[rrb.View, float]] = [(orbit_view(rig), 7.0)]
+    if modelled:
+        left.append((regime_view(following), 1.2))
+    left.append((event_view(), 2.4))
+    state = "following" if following else "playing"
     return rrb.Blueprint(
         rrb.Vertical(
-            rrb.TextDocumentView(origin="headline", name="Rig"),
+            rrb.TextDocumentView(origin="headline", name="Rig", titlebar=False),
             rrb.Horizontal(
-                rrb.Vertical(orbit_view(rig), event_view(), row_shares=[3, 1]),
-                plot_views(rig, following),
+                rrb.Vertical(*(view for view, _ in left), row_shares=[share for _, share in left]),
+                plot_views(modelled, following),
                 column_shares=[4, 5],
             ),
-            row_shares=[1, 11],
+            row_shares=[1, 14],
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(
-            state="collapsed", timeline=TIMELINE, play_state="following" if following else "playing"
-        ),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state=state),
     )
 
 
@@ -220,19 +247,17 @@ def event_view() -> rrb.TextLogView:
     )
 
 
-def plot_views(rig: Rig, following: bool) -> rrb.Vertical:
-    """Return the views over time; a rig without a model has no residuals and no regime."""
-    names = {"displacement": "Displacement at the bearing, µm", "force": "Force, N", "speed": "Speed, Hz"}
-    modelled = rig.twin.model != "none"
-    if modelled:
-        names["residual/m"] = "Residual of the probes (measured less twin), µm"
-        names["residual/N"] = "Residual of the transducers (measured less twin), N"
-    views: list[rrb.View] = [plot_view(f"plots/{path}", name, following) for path, name in names.items()]
-    shares = [3.0, 3.0, 2.0, 2.0, 2.0][: len(views)]
-    if modelled:
-        views.append(rrb.StateTimelineView(origin="regime", name="Regime", time_ranges=window(following)))
-        shares.append(1.0)
-    return rrb.Vertical(*views, row_shares=shares)
+def regime_view(following: bool) -> rrb.StateTimelineView:
+    """Return the view of what the rotor does over time."""
+    return rrb.StateTimelineView(origin="regime", name="Regime", time_ranges=window(following))
+
+
+def plot_views(modelled: bool, following: bool) -> rrb.Vertical:
+    """Return the plots over time; a rig without a model has no residuals."""
+    views = [(path, name, share) for path, (name, share) in PLOTS.items()]
+    shown = [view for view in views if modelled or not view[0].startswith("residual")]
+    plots = [plot_view(f"plots/{path}", name, following) for path, name, _ in shown]
+    return rrb.Vertical(*plots, row_shares=[share for _, _, share in shown])
 
 
 def plot_view(origin: str, name: str, following: bool) -> rrb.TimeSeriesView:
@@ -249,6 +274,10 @@ def plot_view(origin: str, name: str, following: bool) -> rrb.TimeSeriesView:
 def window(following: bool) -> list[rrb.VisibleTimeRange]:
     """Return the stretch of time to show: the last seconds, or everything."""
     if not following:
-        return [rrb.VisibleTimeRange(TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite())]
+        return [
+            rrb.VisibleTimeRange(
+                TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite()
+            )
+        ]
     start = rrb.TimeRangeBoundary.cursor_relative(seconds=-WINDOW)
     return [rrb.VisibleTimeRange(TIMELINE, start=start, end=rrb.TimeRangeBoundary.cursor_relative())]

@@ -156,9 +156,10 @@ class Scene:
         self.residuals: dict[str, tuple[int, ...]] = {}  # unit: rows of the estimate
         self.residual_names: dict[str, tuple[str, ...]] = {}
         self.numbers = Numbers(0.0, 0.0, 0.0, 0.0)
+        self.shown = 0  # samples taken in
         self.skipped = 0  # samples that never came
+        self.next_sample = 0  # index after the newest sample
         self._curves = Curves()
-        self._next: int | None = None
         self._blocks = Stretches(max(1, round(BIN * self.rate)))
         self._estimates: Stretches | None = None
         self._stride = 1
@@ -169,9 +170,10 @@ class Scene:
 
     def add_block(self, block: Series) -> None:
         """Take in a block."""
-        if self._next is not None and block.first_sample > self._next:
-            self.skipped += block.first_sample - self._next
-        self._next = block.first_sample + block.samples.shape[1]
+        if self.shown and block.first_sample > self.next_sample:
+            self.skipped += block.first_sample - self.next_sample
+        self.next_sample = block.first_sample + block.samples.shape[1]
+        self.shown += block.samples.shape[1]
         self._blocks.add(block.first_sample, 1, block.samples)
 
     def add_estimate(self, estimate: Series) -> None:
