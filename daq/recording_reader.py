@@ -275,7 +275,10 @@ class Recording:
 
     def _verdict(self, stored: Certificate | None, found: Certificate) -> tuple[str, str]:
         if not self.complete:
-            return "altered" if self._more_behind else "incomplete", self.truncated
+            return (
+                "altered" if self._more_behind else "incomplete",
+                self.truncated or "its summary is cut off",
+            )
         if self.damage:
             return "altered", self.truncated
         if not self._file.checksum_holds():

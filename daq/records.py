@@ -7,6 +7,7 @@ chunk's checksum and finds the next sound chunk behind a damage. Format: https:/
 import json
 import os
 import struct
+import weakref
 import zlib
 from collections.abc import Iterator
 from enum import IntEnum
@@ -89,12 +90,14 @@ class RecordFile:
         if path.is_dir():
             raise RecordingError(f"{path} is a folder: name a recording in it")
         try:
-            self._file = path.open("rb", buffering=0)
+            self._fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         except FileNotFoundError:
             raise RecordingError(f"{path}: no such file") from None
         except OSError as error:
             raise refusal(path, error) from error
-        self.size = os.fstat(self._file.fileno()).st_size
+        self.close = weakref.finalize(self, os.close, self._fd)
+        """Closes the file, once; happens by itself when nobody holds it any longer."""
+        self.size = os.fstat(self._fd).st_size
         self._window = b""
         self._window_at = 0
         if self.read(0, len(MAGIC)) != MAGIC:
@@ -108,7 +111,7 @@ class RecordFile:
         """Return up to `size` bytes from `position` on."""
         offset = position - self._window_at
         if not (offset >= 0 and offset + size <= len(self._window)):
-            content = os.pread(self._file.fileno(), max(size, WINDOW // 16), position)
+            content = os.pread(self._fd, max(size, WINDOW // 16), position)
             self._window, self._window_at, offset = content, position, 0
         return self._window[offset : offset + size]
 
@@ -176,10 +179,6 @@ class RecordFile:
             0,
             self._crc(summary, self.size - len(MAGIC) - SIZE.size),
         )
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
 
     def _is_disguised(self, record: Record, head: bytes) -> bool:
         """Whether a record is a chunk although it says otherwise, or a chunk whose two lengths differ."""
