@@ -1,20 +1,34 @@
 """Bounded queue between the link's threads, which must never wait long, and one consumer thread."""
 
+import time
+from collections.abc import Callable, Iterator
 from queue import Empty, SimpleQueue
 from typing import Literal, NamedTuple
+
+from daq.recovery import Recovery, Stamp
+
+LOOK_AGAIN_S = 0.1
+"""Period at which a `put` that waits for room looks whether it still has to."""
 
 
 class _Message(NamedTuple):
     key: str
-    payload: bytes
+    payload: bytes | None
     dropped_before: int
+    stamp: Stamp | None = None
+    recovery: Recovery | None = None
+
+
+def _never() -> bool:
+    return False
 
 
 class Inbox:
     """Messages from the link's callbacks, for one consumer thread.
 
-    Any thread may put; one thread gets. `put` and `get` cost about a microsecond and wake the other side
-    at once.
+    Any thread may put; one thread gets. Putting and getting cost about a microsecond and wake the other
+    side at once. Messages of a subscription that recovers are left out when there is no room, whatever
+    `when_full` says: `get` fetches them from the publisher's cache when their turn comes.
 
     Args:
         capacity: messages held at most.
@@ -34,6 +48,7 @@ class Inbox:
         self._room: SimpleQueue[None] = SimpleQueue()
         for _ in range(capacity):
             self._room.put(None)
+        self._catching_up: Iterator[tuple[str, bytes] | None] = iter(())
 
     @property
     def fill(self) -> float:
@@ -45,33 +60,64 @@ class Inbox:
         """Whether `close` was called; messages put before it can still be got."""
         return self._closed
 
-    def put(self, key: str, payload: bytes) -> None:
-        """Add a message; after `close`, do nothing."""
+    def put(self, key: str, payload: bytes, abandoned: Callable[[], bool] = _never) -> None:
+        """Add a message; after `close`, do nothing.
+
+        Args:
+            key: its key.
+            payload: its bytes.
+            abandoned: tells a `put` that waits for room that it need not wait any longer.
+        """
         dropped = 0
         if self._waits:
-            self._room.get()
+            if not self._wait_for_room(abandoned):
+                return
         else:
-            try:
-                self._room.get_nowait()
-            except Empty:
-                dropped = self._drop_oldest()
-        if self._closed:
-            self._room.put(None)
+            dropped = self._make_room()
+        if not self._closed:
+            self._messages.put(_Message(key, payload, dropped))
+
+    def offer(self, key: str, payload: bytes | None, stamp: Stamp, recovery: Recovery) -> None:
+        """Add a message that can be fetched again, or the newest number alone; leave it out when full."""
+        try:
+            self._room.get_nowait()
+        except Empty:
             return
-        self._messages.put(_Message(key, payload, dropped))
+        if not self._closed:
+            self._messages.put(_Message(key, payload, 0, stamp, recovery))
 
     def get(self, timeout: float | None = None) -> tuple[str, bytes] | None:
-        """Return the next key and payload; None when `timeout` (s) is over or all is got after `close`."""
-        try:
-            message = self._messages.get(timeout=timeout) if timeout != 0 else self._messages.get_nowait()
-        except Empty:
-            return None
-        if message is None:
-            self._messages.put(None)
-            return None
-        self._room.put(None)
-        self.dropped += message.dropped_before
-        return message.key, message.payload
+        """Return the next key and payload.
+
+        While missed messages are fetched this may take half a second longer than `timeout`.
+
+        Args:
+            timeout: s; None waits without an end.
+
+        Returns:
+            None when the time is over, or when all is got after `close`.
+        """
+        deadline = None if timeout is None else time.monotonic() + timeout
+        while True:
+            for due in self._catching_up:
+                if due is not None:
+                    return due
+                if self._closed or _remaining(deadline) == 0.0:
+                    return None
+            try:
+                message = self._messages.get(timeout=_remaining(deadline))
+            except Empty:
+                return None
+            if message is None:
+                self._messages.put(None)
+                return None
+            self._room.put(None)
+            key, payload, dropped, stamp, recovery = message
+            self.dropped += dropped
+            if payload is not None and (stamp is None or recovery is None or recovery.is_due(key, stamp)):
+                return key, payload
+            if stamp is not None and recovery is not None:
+                self._catching_up = _with_key(key, recovery.catch_up(key, stamp, payload))
 
     def close(self) -> None:
         """Take no more messages and release whoever waits, in `put` or in `get`."""
@@ -79,8 +125,27 @@ class Inbox:
         self._room.put(None)
         self._messages.put(None)
 
+    def _wait_for_room(self, abandoned: Callable[[], bool]) -> bool:
+        """Wait until a message may be put; tell whether it may."""
+        while not self._closed:
+            try:
+                self._room.get(timeout=LOOK_AGAIN_S)
+            except Empty:
+                if abandoned():
+                    return False
+            else:
+                return True
+        return False
+
+    def _make_room(self) -> int:
+        """Take the room of a new message, the oldest message's if need be; return the drops to report."""
+        try:
+            self._room.get_nowait()
+        except Empty:
+            return self._drop_oldest()
+        return 0
+
     def _drop_oldest(self) -> int:
-        """Take the oldest message out to use its room; return how many drops the new one must report."""
         try:
             oldest = self._messages.get_nowait()
         except Empty:
@@ -89,3 +154,12 @@ class Inbox:
             self._messages.put(None)
             return 0
         return oldest.dropped_before + 1
+
+
+def _remaining(deadline: float | None) -> float | None:
+    return None if deadline is None else max(0.0, deadline - time.monotonic())
+
+
+def _with_key(key: str, payloads: Iterator[bytes | None]) -> Iterator[tuple[str, bytes] | None]:
+    for payload in payloads:
+        yield None if payload is None else (key, payload)

@@ -1,7 +1,11 @@
 """The link between processes: publish, subscribe, command and presence over one zenoh session.
 
-This is the only file that touches zenoh. A link never listens or looks around by itself: it listens on
-the endpoints it is given and connects, again and again, to those it is given.
+This is the only file that touches zenoh. A link never looks around by itself: it listens on the endpoints
+it is given, and on no others, and connects, again and again, to those it is given.
+
+Messages of a publisher with a cache are recovered by `daq.recovery`, not by zenoh's advanced publisher:
+while that one answers a slow or stopped subscriber, its `put` waits (5 s measured), and `put` is called by
+the thread that protects the rig.
 """
 
 import json
@@ -9,14 +13,17 @@ import random
 import re
 import socket
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Thread
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
 import zenoh
-import zenoh.ext
 
 from daq.inbox import Inbox
+from daq.recovery import STAMP, Cache, Recovery, range_of, read_stamp
 
 __all__ = [
     "Declaration",
@@ -32,17 +39,20 @@ __all__ = [
     "free_ports",
 ]
 
+ENDPOINT = re.compile(r"[a-z][a-z0-9_-]*/[^/\s]+:\d{1,5}([?#].*)?")
 RETRY = {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 2.0}
-DATA_QUEUE = 16
+QUEUES = {"data": 16, "data_low": 16}
 """Batches a link holds back for a slow subscriber; with zenoh's 2, healthy subscribers lose blocks."""
 PATIENCE_US = 24 * 3600 * 1_000_000
 """How long a waiting publisher stands a subscriber that takes nothing."""
-HEARTBEAT_S = 0.1
-"""Period at which a caching publisher tells its last number, so that a lost last message is noticed."""
+HEARTBEAT_S = 0.25
+"""Period at which a link tells the newest numbers of its caching publishers."""
+FETCH_TIMEOUT_S = 0.5
+RECOVER = "@recover"
+"""Part of the keys between a recovering subscription and a caching publisher; no wildcard matches it."""
 REFUSAL = "rigtwin/refusal"
 """Encoding of an error reply that is a refusal, not zenoh's own error."""
 EPHEMERAL_RANGE = Path("/proc/sys/net/ipv4/ip_local_port_range")
-ENDPOINT = re.compile(r"[a-z][a-z0-9_-]*/[^/\s]+:\d{1,5}([?#].*)?")
 
 
 class LinkError(RuntimeError):
@@ -64,33 +74,79 @@ class Refused(LinkError):
 class Declaration:
     """Something a link has declared; `close` takes it back."""
 
-    def __init__(self, entity: Any) -> None:
-        self._entity = entity
+    def __init__(self, *entities: Any) -> None:
+        self._entities = entities
+
+    @property
+    def closed(self) -> bool:
+        """Whether it was taken back."""
+        return not self._entities
 
     def close(self) -> None:
         """Take it back; the second time does nothing."""
-        entity, self._entity = self._entity, None
-        if entity is not None:
+        entities, self._entities = self._entities, ()
+        for entity in entities:
             entity.undeclare()
 
 
 class Publisher(Declaration):
-    """Publishes payloads under one key."""
+    """Publishes payloads under one key; used by one thread."""
 
     def put(self, payload: bytes) -> None:
-        """Send a payload to whoever subscribes; without `wait`, a subscriber that takes nothing misses it.
+        """Send a payload to whoever subscribes.
 
         Raises:
             LinkError: publisher or link are closed.
         """
+        self._send(payload, None)
+
+    def _send(self, payload: bytes, stamp: bytes | None) -> None:
         try:
-            self._entity.put(payload)
-        except (zenoh.ZError, AttributeError) as error:
-            raise LinkError(f"cannot publish: {_first_line(error) if self._entity else 'closed'}") from None
+            self._entities[0].put(payload, attachment=stamp)
+        except (zenoh.ZError, IndexError):
+            raise LinkError("cannot publish: publisher or link are closed") from None
+
+
+class CachingPublisher(Publisher):
+    """Publishes payloads and keeps the newest for subscriptions that recover."""
+
+    def __init__(self, cache: Cache, publisher: Any, heartbeat: Any, supply: Any) -> None:
+        super().__init__(publisher, heartbeat, supply)
+        self._cache = cache
+
+    def put(self, payload: bytes) -> None:
+        """Keep a payload and send it to whoever subscribes; never waits for anybody.
+
+        Raises:
+            LinkError: publisher or link are closed.
+        """
+        number = self._cache.keep(payload)
+        self._send(payload, self._cache.stamp(number))
+        self._cache.sent = number
+
+    def beat(self) -> None:
+        """Tell the newest number, if there is one."""
+        number = self._cache.sent
+        if number >= 0:
+            with suppress(zenoh.ZError, IndexError):
+                self._entities[1].put(b"", attachment=self._cache.stamp(number))
 
 
 class Subscription(Declaration):
     """Receives what is published under a key."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.abandoned = False
+
+    def hold(self, *entities: Any) -> None:
+        """Close these with the subscription."""
+        self._entities = entities
+
+    def close(self) -> None:
+        """Receive nothing more; a callback that waits for room in an inbox goes on without it."""
+        self.abandoned = True
+        super().close()
 
 
 class Request:
@@ -105,19 +161,17 @@ class Request:
         self._query = query
 
     def reply(self, payload: bytes) -> None:
-        """Answer; a second answer, or one when who asked has gone, is not sent."""
-        try:
-            self._query.reply(self.key, payload, express=True)
+        """Answer; a second answer, or one to somebody who has gone, is not sent."""
+        with suppress(zenoh.ZError):
+            self._query.reply(self.key, payload)
             self._query.drop()
-        except zenoh.ZError:
-            return
 
 
 _Kept = TypeVar("_Kept", bound=Declaration)
 
 
 class Link:
-    """One zenoh session, peer to peer, used as a context manager or closed with `close`.
+    """One zenoh session, peer to peer; a context manager, or closed with `close`.
 
     Callbacks run on the link's own threads: they must hand on what they get and return.
 
@@ -126,7 +180,7 @@ class Link:
         connect: endpoints to connect to, retried for ever; those that answer within half a second are
             connected when the constructor returns.
         lease_ms: after this long without a sign of life the other side gives this one up.
-        wait_for_room: whether publishers with `wait` bear with slow subscribers without an end.
+        wait_for_room: whether publishers may wait for slow subscribers.
 
     Raises:
         LinkError: an endpoint is malformed, taken or not this machine's.
@@ -143,7 +197,9 @@ class Link:
         for endpoint in (*listen, *connect):
             if not ENDPOINT.fullmatch(endpoint):
                 raise LinkError(f"endpoint {endpoint!r}: expected protocol/host:port, as tcp/127.0.0.1:7447")
+        self._wait_for_room = wait_for_room
         self._declarations: list[Declaration] = []
+        self._heart = _Heart()
         try:
             self._session = zenoh.open(_configuration(listen, connect, lease_ms, wait_for_room))
         except zenoh.ZError as error:
@@ -162,27 +218,32 @@ class Link:
 
         Args:
             key: what to publish under.
-            cache: messages kept for subscribers that recover what they missed; 0 for none.
-            wait: `put` waits for slow subscribers instead of passing them over. For replay only.
+            cache: messages kept for subscriptions that recover what they missed; 0 for none.
+            wait: `put` waits for slow subscribers, so that they need no cache, instead of passing them
+                over. For replay only; the link must be made with `wait_for_room`.
         """
+        if wait and (cache or not self._wait_for_room):
+            raise ValueError("a publisher that waits has no cache and needs Link(wait_for_room=True)")
         congestion = zenoh.CongestionControl.BLOCK if wait else zenoh.CongestionControl.DROP
+        publisher = self._session.declare_publisher(key, congestion_control=congestion, express=not wait)
         if not cache:
-            entity: Any = self._session.declare_publisher(
-                key, congestion_control=congestion, express=not wait
-            )
-        else:
-            entity = zenoh.ext.declare_advanced_publisher(
-                self._session,
-                key,
-                congestion_control=congestion,
-                express=not wait,
-                cache=zenoh.ext.CacheConfig(cache),
-                sample_miss_detection=zenoh.ext.MissDetectionConfig(
-                    heartbeat=None, sporadic_heartbeat=HEARTBEAT_S
-                ),
-                publisher_detection=True,
-            )
-        return self._keep(Publisher(entity))
+            return self._keep(Publisher(publisher))
+        kept = Cache(cache)
+        recover_key = _recover_key(key, kept.publisher)
+
+        def supply(query: zenoh.Query) -> None:
+            wanted = query.payload
+            query.reply(recover_key, kept.pack(wanted.to_bytes() if wanted else b""))
+            query.drop()
+
+        caching = CachingPublisher(
+            kept,
+            publisher,
+            self._session.declare_publisher(recover_key, congestion_control=zenoh.CongestionControl.DROP),
+            self._session.declare_queryable(recover_key, zenoh.handlers.Callback(supply, indirect=False)),
+        )
+        self._heart.add(caching)
+        return self._keep(caching)
 
     def subscribe(
         self, key: str, inbox: Inbox | Callable[[str, bytes], None], *, recover: bool = False
@@ -192,26 +253,47 @@ class Link:
         Args:
             key: key or key expression.
             inbox: where to put key and payload, or a quick function that takes them.
-            recover: fetch what was published before and what was missed from the publishers' caches, so
-                that all messages arrive once and in order as long as the caches reach back.
+            recover: also get, in order and once, what publishers with a cache published before and what
+                was missed, as far as their caches reach back. Needs an inbox.
         """
-        take = inbox.put if isinstance(inbox, Inbox) else inbox
+        subscription = Subscription()
 
-        def deliver(sample: zenoh.Sample) -> None:
-            take(str(sample.key_expr), sample.payload.to_bytes())
+        def is_abandoned() -> bool:
+            return subscription.abandoned
 
-        callback = zenoh.handlers.Callback(deliver, indirect=False)
+        def receive(sample: zenoh.Sample) -> None:
+            if isinstance(inbox, Inbox):
+                inbox.put(str(sample.key_expr), sample.payload.to_bytes(), is_abandoned)
+            else:
+                inbox(str(sample.key_expr), sample.payload.to_bytes())
+
         if not recover:
-            entity: Any = self._session.declare_subscriber(key, callback)
-        else:
-            entity = zenoh.ext.declare_advanced_subscriber(
-                self._session,
-                key,
-                callback,
-                history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1_000_000),
-                recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
+            subscription.hold(self._subscriber(key, receive))
+            return self._keep(subscription)
+        if not isinstance(inbox, Inbox):
+            raise ValueError("a subscription that recovers needs an Inbox: its consumer does the fetching")
+        recovery = Recovery(self._fetch)
+
+        def receive_stamped(sample: zenoh.Sample) -> None:
+            stamp = sample.attachment
+            if stamp is None or len(stamp) != STAMP.size:
+                receive(sample)
+                return
+            inbox.offer(
+                str(sample.key_expr), sample.payload.to_bytes(), read_stamp(stamp.to_bytes()), recovery
             )
-        return self._keep(Subscription(entity))
+
+        def receive_heartbeat(sample: zenoh.Sample) -> None:
+            stamp = sample.attachment
+            if stamp is not None and len(stamp) == STAMP.size:
+                published_key = str(sample.key_expr).split(f"/{RECOVER}/")[0]
+                inbox.offer(published_key, None, read_stamp(stamp.to_bytes()), recovery)
+
+        subscription.hold(
+            self._subscriber(key, receive_stamped),
+            self._subscriber(f"{key}/{RECOVER}/*", receive_heartbeat),
+        )
+        return self._keep(subscription)
 
     def serve(self, key: str, handler: Callable[[Request], None]) -> Declaration:
         """Answer queries on exactly this key; any other selector that reaches it is refused.
@@ -230,11 +312,8 @@ class Link:
                 _refuse(query, f"{key} failed: {error}")
                 raise
 
-        return self._keep(
-            Declaration(
-                self._session.declare_queryable(key, zenoh.handlers.Callback(receive, indirect=False))
-            )
-        )
+        queryable = self._session.declare_queryable(key, zenoh.handlers.Callback(receive, indirect=False))
+        return self._keep(Declaration(queryable))
 
     def ask(self, key: str, payload: bytes, timeout: float = 0.5) -> bytes:
         """Send a query and return the first answer.
@@ -246,27 +325,16 @@ class Link:
 
         Raises:
             NoAnswer: nobody serves the key.
-            NoAnswerInTime: the one who serves it is stopped, busy or cut off.
+            NoAnswerInTime: whoever serves it is stopped, busy or cut off.
             Refused: the answer is an error.
+            LinkError: the link is closed.
         """
-        try:
-            replies = self._session.get(key, payload=payload, timeout=timeout, express=True)
-            reply = replies.recv()
-        except zenoh.ZError as error:
-            if self._session.is_closed():
-                raise LinkError(f"cannot ask {key}: the link is closed") from None
-            raise NoAnswer(f"nobody answers on {key} ({_first_line(error)})") from None
-        answer = reply.result
-        if isinstance(answer, zenoh.Sample):
-            return answer.payload.to_bytes()
-        if str(answer.encoding) == REFUSAL:
-            raise Refused(answer.payload.to_string())
-        raise NoAnswerInTime(f"no answer on {key} within {timeout:g} s")
+        return self._ask(key, payload, timeout, express=True)
 
     def announce(self, key: str) -> Declaration:
-        """Show that this process is there until the declaration or the link is closed.
+        """Show that this process is there until the declaration or the link is closed, or the process dies.
 
-        Whoever sees this already has this link's earlier subscriptions and served keys.
+        Whoever sees this already knows what this link has subscribed to and served before.
         """
         return self._keep(Declaration(self._session.liveliness().declare_token(key)))
 
@@ -288,6 +356,7 @@ class Link:
 
     def close(self) -> None:
         """Take back everything and close the session; the second time does nothing."""
+        self._heart.stop()
         while self._declarations:
             self._declarations.pop().close()
         self._session.close()
@@ -296,24 +365,81 @@ class Link:
         self._declarations.append(declaration)
         return declaration
 
+    def _subscriber(self, key: str, receive: Callable[[zenoh.Sample], None]) -> Any:
+        return self._session.declare_subscriber(key, zenoh.handlers.Callback(receive, indirect=False))
+
+    def _fetch(self, key: str, publisher: int, first: int, end: int) -> bytes | None:
+        """Ask a caching publisher for messages without ever holding it up."""
+        try:
+            return self._ask(
+                _recover_key(key, publisher),
+                range_of(first, end),
+                FETCH_TIMEOUT_S,
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=zenoh.Priority.DATA_LOW,
+            )
+        except LinkError:
+            return None
+
+    def _ask(self, key: str, payload: bytes, timeout: float, **quality: Any) -> bytes:
+        try:
+            reply = self._session.get(key, payload=payload, timeout=timeout, **quality).recv()
+        except zenoh.ZError:
+            if self._session.is_closed():
+                raise LinkError(f"cannot ask {key}: the link is closed") from None
+            raise NoAnswer(f"nobody answers on {key}") from None
+        answer = reply.result
+        if isinstance(answer, zenoh.Sample):
+            return answer.payload.to_bytes()
+        if str(answer.encoding) == REFUSAL:
+            raise Refused(answer.payload.to_string())
+        raise NoAnswerInTime(f"no answer on {key} within {timeout:g} s")
+
+
+class _Heart:
+    """Thread that lets caching publishers tell their newest numbers."""
+
+    def __init__(self) -> None:
+        self._publishers: list[CachingPublisher] = []
+        self._stopping: SimpleQueue[None] = SimpleQueue()
+        self._thread: Thread | None = None
+
+    def add(self, publisher: CachingPublisher) -> None:
+        self._publishers.append(publisher)
+        if self._thread is None:
+            self._thread = Thread(target=self._run, name="link heartbeat", daemon=True)
+            self._thread.start()
+
+    def stop(self) -> None:
+        if self._thread is not None:
+            self._stopping.put(None)
+            self._thread.join()
+            self._thread = None
+
+    def _run(self) -> None:
+        while True:
+            with suppress(Empty):
+                self._stopping.get(timeout=HEARTBEAT_S)
+                return
+            for publisher in tuple(self._publishers):
+                publisher.beat()
+
 
 def free_ports(count: int) -> list[int]:
     """Return TCP ports that are free on loopback now and that the system gives to no outgoing connection."""
     lowest_ephemeral = 32768
     if EPHEMERAL_RANGE.exists():
         lowest_ephemeral = int(EPHEMERAL_RANGE.read_text().split()[0])
-    candidates = random.sample(range(min(20_000, lowest_ephemeral - 5_000), lowest_ephemeral), 4_000)
+    first = max(1024, lowest_ephemeral - 12_000)
+    candidates = random.sample(range(first, lowest_ephemeral), lowest_ephemeral - first)
     ports: list[int] = []
     for port in candidates:
         if len(ports) == count:
-            break
-        with socket.socket() as probe:
-            try:
-                probe.bind(("127.0.0.1", port))
-            except OSError:
-                continue
+            return ports
+        with socket.socket() as probe, suppress(OSError):
+            probe.bind(("127.0.0.1", port))
             ports.append(port)
-    return ports
+    raise LinkError(f"fewer than {count} ports between {first} and {lowest_ephemeral} are free on 127.0.0.1")
 
 
 def _configuration(
@@ -328,8 +454,9 @@ def _configuration(
         "connect/retry": RETRY,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": lease_ms,
-        "transport/link/tx/queue/size/data": DATA_QUEUE,
     }
+    for queue, size in QUEUES.items():
+        settings[f"transport/link/tx/queue/size/{queue}"] = size
     if wait_for_room:
         settings["transport/link/tx/queue/congestion_control/block/wait_before_close"] = PATIENCE_US
     configuration = zenoh.Config()
@@ -346,12 +473,12 @@ def _reason(error: zenoh.ZError, listen: Sequence[str], connect: Sequence[str]) 
         return f"{endpoint} is in use by another process: stop that one or take another port"
     if "Cannot assign requested address" in text:
         return f"{endpoint} is no address of this machine: listen on one of its own, as 127.0.0.1"
-    return f"cannot open the link on {[*listen, *connect]}: {_first_line(error)}"
+    without_places = re.sub(r" at /\S+", "", text).splitlines()[0]
+    return f"cannot open the link on {', '.join([*listen, *connect])}: {without_places}"
 
 
-def _first_line(error: BaseException) -> str:
-    """Return zenoh's message without the places in its source."""
-    return re.sub(r" at /\S+", "", str(error)).splitlines()[0]
+def _recover_key(key: str, publisher: int) -> str:
+    return f"{key}/{RECOVER}/{publisher:016x}"
 
 
 def _refuse(query: zenoh.Query, text: str) -> None:

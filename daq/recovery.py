@@ -1,0 +1,151 @@
+"""Numbered, kept and fetched again: how a subscriber gets every message of a caching publisher.
+
+The publisher numbers its messages from 0 and keeps the newest. The subscriber's consumer thread compares
+numbers; where some are missing it asks the publisher for them, piece by piece and at its own pace, before
+it goes on. So neither a slow nor a stopped subscriber holds anybody else up: what it cannot take now is
+left out and fetched later. A publisher also tells its newest number now and then, which shows a late
+subscriber what there was and a lost last message.
+"""
+
+import secrets
+import struct
+import time
+from collections.abc import Callable, Iterator
+from itertools import count
+from typing import NamedTuple
+
+PIECE_BYTES = 256 * 1024
+"""A reply to a subscriber ends with the message that reaches this size."""
+PATIENCE_S = 2.0
+"""How long a subscriber asks a publisher that does not answer before it goes on with a gap."""
+PAUSE_S = 0.02
+
+STAMP = struct.Struct("<QQ")
+RANGE = struct.Struct("<QQ")
+ENTRY = struct.Struct("<QI")
+
+Fetch = Callable[[str, int, int, int], bytes | None]
+"""(key, publisher, first, end) -> packed messages from number `first` to before `end`; None: no answer."""
+
+
+class Stamp(NamedTuple):
+    """What a caching publisher sends along with a message."""
+
+    publisher: int
+    number: int
+
+
+class Cache:
+    """The newest messages of one publisher; one thread keeps, any thread packs."""
+
+    def __init__(self, size: int) -> None:
+        self.publisher = secrets.randbits(64)
+        self.sent = -1
+        """Number of the newest message that was handed to the network."""
+        self._size = size
+        self._ring: list[tuple[int, bytes]] = [(-1, b"")] * size
+        self._numbers = count()
+
+    def keep(self, payload: bytes) -> int:
+        """Keep a message and return its number."""
+        number = next(self._numbers)
+        self._ring[number % self._size] = (number, payload)
+        return number
+
+    def stamp(self, number: int) -> bytes:
+        """Return the stamp that goes with a message, or that tells the newest number."""
+        return STAMP.pack(self.publisher, number)
+
+    def pack(self, wanted: bytes) -> bytes:
+        """Return the kept messages of a packed range of numbers, oldest first, as many as one reply takes."""
+        first, end = RANGE.unpack(wanted)
+        pieces: list[bytes] = []
+        size = 0
+        for number in range(max(first, self.sent + 1 - self._size), end):
+            kept, payload = self._ring[number % self._size]
+            if kept != number:
+                continue
+            pieces += (ENTRY.pack(number, len(payload)), payload)
+            size += len(payload)
+            if size >= PIECE_BYTES:
+                break
+        return b"".join(pieces)
+
+
+class Recovery:
+    """Puts one subscription's messages in order and fetches those that are missing; for one thread.
+
+    Args:
+        fetch: how to ask a publisher for messages.
+    """
+
+    def __init__(self, fetch: Fetch) -> None:
+        self.missed = 0
+        """Messages that no cache could give any more, since the first that was received."""
+        self._fetch = fetch
+        self._due: dict[tuple[str, int], int] = {}
+
+    def is_due(self, key: str, stamp: Stamp) -> bool:
+        """Tell whether a message is the next of its publisher, and if so count it as delivered."""
+        stream = (key, stamp.publisher)
+        if self._due.get(stream, 0) != stamp.number:
+            return False
+        self._due[stream] = stamp.number + 1
+        return True
+
+    def catch_up(self, key: str, stamp: Stamp, payload: bytes | None) -> Iterator[bytes | None]:
+        """Yield what is missing before a message and then the message, unless it was delivered before.
+
+        Args:
+            key: its key.
+            stamp: its stamp.
+            payload: the message; None when the publisher only told its newest number.
+
+        Yields:
+            Payloads in order; None whenever the publisher did not answer and will be asked again.
+        """
+        stream = (key, stamp.publisher)
+        end = stamp.number if payload is not None else stamp.number + 1
+        give_up = time.monotonic() + PATIENCE_S
+        while (due := self._due.get(stream, 0)) < end:
+            packed = self._fetch(key, stamp.publisher, due, end)
+            if packed is None and time.monotonic() < give_up:
+                yield None
+                time.sleep(PAUSE_S)
+                continue
+            if not packed:
+                self._advance(stream, end)
+                break
+            for number, kept in _unpack(packed):
+                self._advance(stream, number)
+                self._due[stream] = number + 1
+                yield kept
+            give_up = time.monotonic() + PATIENCE_S
+        if payload is not None and self._due.get(stream, 0) == stamp.number:
+            self._due[stream] = stamp.number + 1
+            yield payload
+
+    def _advance(self, stream: tuple[str, int], number: int) -> None:
+        """Go on to a number; count those in between as missed, unless this is where the stream begins."""
+        self.missed += number - self._due.get(stream, number)
+        self._due[stream] = number
+
+
+def read_stamp(stamp: bytes) -> Stamp:
+    """Read what a caching publisher sent along."""
+    return Stamp(*STAMP.unpack(stamp))
+
+
+def range_of(first: int, end: int) -> bytes:
+    """Return the question for the messages from number `first` to before `end`."""
+    return RANGE.pack(first, end)
+
+
+def _unpack(packed: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield number and payload of each packed message."""
+    position = 0
+    while position < len(packed):
+        number, size = ENTRY.unpack_from(packed, position)
+        position += ENTRY.size
+        yield number, packed[position : position + size]
+        position += size
