@@ -135,7 +135,7 @@ def encoder_source(channel: Probe, encoder: Encoder | None) -> Source:
     if encoder is None:
         raise RigError(f"[[channel]] {channel.name} needs the table [encoder]")
     kind = ANGLE_COUNTS if channel.name == "encoder_angle" else TURN_COUNTS
-    turn = encoder.direction / tau
+    turn = encoder.direction / tau / channel.sensitivity  # it counts turns, whatever a count is called
     row = ROWS["angle"]
     return Source(kind, row, row, turn, 0.0, -encoder.index_angle * turn, 0.0, False)
 
