@@ -1,0 +1,94 @@
+"""Runs of the emulated rig, with their truth, straight from the unpaced emulator."""
+
+from math import tau
+from typing import NamedTuple
+
+import numpy as np
+
+from daq.backend import HitOutput, SpeedOutput
+from daq.backends.emulator import Emulator
+from daq.messages import Series
+from daq.plan import Plan, PlanRunner, plan_from_text
+from daq.rig import Rig
+
+
+class EmulatedRun(NamedTuple):
+    """A run: the calibrated blocks that the twin gets and the truth at every sample."""
+
+    rig: Rig
+    blocks: list[Series]
+    truth: dict[str, np.ndarray]
+
+
+def emulate(rig: Rig, plan: Plan | str, seconds: float | None = None) -> EmulatedRun:
+    """Perform a plan (or its TOML text) on the emulated rig, for its whole length or for `seconds`."""
+    if isinstance(plan, str):
+        plan = plan_from_text(plan, rig)
+    device, runner = Emulator(paced=False), PlanRunner(plan, rig)
+    rate, block = rig.acquisition.rate, rig.acquisition.block
+    device.open(rig)
+    device.start()
+    count = int((plan.expected_duration(rig) if seconds is None else seconds) * rate) // block
+    blocks, truth = [], []
+    for _ in range(count):
+        perform(device, runner, rig)
+        values = np.empty((len(rig.channels), block))
+        reading = device.read(values)
+        rig.channels.calibrate(values, values)
+        blocks.append(series_of(rig, reading.first_sample, values))
+        truth.append(device.truth().copy())
+    rows = np.concatenate(truth, axis=1)
+    return EmulatedRun(rig, blocks, dict(zip(device.truth_names, rows, strict=True)))
+
+
+def perform(device: Emulator, runner: PlanRunner, rig: Rig) -> None:
+    """Write the outputs of the plan's steps that are due."""
+    for action in runner.due(device.clock()):
+        values = action.values
+        if action.command == "speed":
+            ramp = values.get("ramp_hz_per_s", rig.command.default_ramp_hz_per_s)
+            device.write(SpeedOutput(tau * values["speed_hz"], tau * ramp))
+        elif action.command == "hit":
+            device.write(HitOutput(action.texts["solenoid"], values["force"], values["duration"]))
+
+
+def series_of(rig: Rig, first_sample: int, values: np.ndarray) -> Series:
+    """Return calibrated values (n_channels, n) as the block that a subscriber decodes."""
+    return Series(
+        timestamp=first_sample / rig.acquisition.rate,
+        run="test",
+        first_sample=first_sample,
+        rate=rig.acquisition.rate,
+        status=0,
+        stride=0,
+        names=rig.channels.names,
+        units=rig.channels.units,
+        samples=values.astype(np.float32),
+    )
+
+
+def run_up(start_hz: float, end_hz: float, ramp_hz_per_s: float, dwell: float = 0.0) -> str:
+    """Return the plan of a run-up, quick to `start_hz` and slow from there."""
+    return f"""
+[plan]
+name = "run-up"
+description = "run-up"
+
+[[step]]
+do = "wait"
+duration = 0.2
+
+[[step]]
+do = "speed"
+speed_hz = {start_hz}
+ramp_hz_per_s = 20.0
+
+[[step]]
+do = "speed"
+speed_hz = {end_hz}
+ramp_hz_per_s = {ramp_hz_per_s}
+
+[[step]]
+do = "wait"
+duration = {dwell}
+"""

@@ -1,0 +1,63 @@
+"""Which channels of a rig drive the observer, and which correct it."""
+
+from math import cos, radians, sin
+
+import numpy as np
+
+from daq.channels import Channel
+from daq.rig import Rig, RigError
+from twin.filter import Feeds, Sensors
+from twin.layout import HOUSE, TILT, Tuning
+
+ENCODER = "encoder_angle"
+CURRENT = "solenoid_current"
+LEAST_CROSSING = 0.1  # determinant of the probes' directions below which they lie in one line
+
+
+def sensors_of(rig: Rig, tuning: Tuning) -> Sensors:
+    """Return the displacement and force channels with a station, as corrections. Raises `RigError`."""
+    assert rig.model is not None
+    stiffness = rig.model.housing.transducer_stiffness
+    rows = [
+        sensor_row(index, channel, stiffness, tuning)
+        for index, channel in enumerate(rig.channels)
+        if channel.quantity in ("displacement", "force") and channel.station is not None
+    ]
+    weights = np.array([weights for _, columns, weights, *_ in rows if columns[0] == TILT])
+    if weights.size == 0 or np.linalg.matrix_rank(weights, tol=LEAST_CROSSING * np.abs(weights).max()) < 2:
+        raise RigError(
+            f"{rig.name}: the twin needs two displacement channels with station and angle_deg, "
+            "not in one line"
+        )
+    return Sensors(*(np.array(values) for values in zip(*rows, strict=True)))
+
+
+def sensor_row(index: int, channel: Channel, stiffness: float, tuning: Tuning) -> tuple:
+    """Return one sensor: row in the block, states, weights, variance and the range in which it is used."""
+    assert channel.angle_deg is not None
+    assert channel.station is not None
+    direction = np.array([cos(radians(channel.angle_deg)), sin(radians(channel.angle_deg))])
+    low, high = sorted((end - channel.offset) / channel.sensitivity for end in channel.ok or channel.range)
+    if channel.quantity == "displacement":
+        return index, (TILT, TILT + 1), channel.station * direction, tuning.displacement_noise**2, low, high
+    return index, (HOUSE, HOUSE + 1), stiffness * direction, tuning.force_noise**2, low, high
+
+
+def feeds_of(rig: Rig) -> Feeds:
+    """Return the channels of the shaft's angle and of the solenoids' currents. Raises `RigError`."""
+    if ENCODER not in rig.channels:
+        raise RigError(f"{rig.name}: the twin needs a channel {ENCODER} for the shaft's angle")
+    currents, moments = [], []
+    if CURRENT in rig.channels and rig.solenoids:
+        solenoid = rig.solenoids[0]
+        angle, moment = radians(solenoid.angle_deg), solenoid.station * solenoid.force_per_ampere
+        currents.append(rig.channels.index(CURRENT))
+        moments.append((moment * cos(angle), moment * sin(angle)))
+    row = rig.channels.index(ENCODER)
+    counts = np.sign(rig.channels[row].sensitivity) * (rig.encoder.direction if rig.encoder else 1)
+    return Feeds(
+        row,
+        float(counts),
+        np.array(currents, dtype=np.int64),
+        np.array(moments, dtype=np.float64).reshape(-1, 2),
+    )
