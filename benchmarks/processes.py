@@ -1,7 +1,7 @@
 """Share of a core that each process of a live run takes at real time, with impacts, on the shipped rig.
 
-The shares are those that the processes report of themselves ten times a second, from the recording of the run;
-the first seconds, in which programs are loaded, are left out.
+The shares are those that the processes report of themselves ten times a second, from the recording of the
+run; the first seconds, in which programs are loaded, are left out.
 """
 
 import subprocess

@@ -32,7 +32,12 @@ def show(figures: Mapping[str, Figure], as_json: bool) -> None:
     """Print the figures, as a table or as one JSON object."""
     if as_json:
         rows = {
-            name: {"value": figure.value, "unit": figure.unit, "baseline": figure.baseline, "ratio": figure.ratio}
+            name: {
+                "value": figure.value,
+                "unit": figure.unit,
+                "baseline": figure.baseline,
+                "ratio": figure.ratio,
+            }
             for name, figure in figures.items()
         }
         print(json.dumps(rows, indent=1))

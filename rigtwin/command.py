@@ -22,7 +22,8 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser = commands.add_parser(
         "command",
         help="talk to the running rig: arm, speed, hit, stop, trip, reset, mark",
-        description="Talk to the rig that is running. Whoever may command may stop: stop and trip need no lease.",
+        description="Talk to the rig that is running. Whoever may command may stop: stop and trip need no "
+        "lease.",
     )
     parser.add_argument("--rig", metavar="NAME", help="which rig, where several run")
     parser.add_argument("--json", action="store_true", help="print the answer as JSON")

@@ -68,11 +68,8 @@ def examine() -> Iterator[Finding]:
 
 
 def python_version() -> Finding:
-    """Python 3.11 or newer."""
-    found = f"{sys.version.split()[0]} at {sys.executable}"
-    if sys.version_info >= (3, 11):
-        return Finding("python", "ok", found)
-    return Finding("python", "error", found, "install Python 3.11 or newer")
+    """Which Python this is; pip refuses one that is too old."""
+    return Finding("python", "ok", f"{sys.version.split()[0]} at {sys.executable}")
 
 
 def package_version(name: str) -> Finding:
@@ -96,8 +93,12 @@ def shadowed(room: str) -> Finding:
     if Path(spec.origin).resolve().parent.parent != home:
         return Finding(room, "error", f"found at {spec.origin}", f"rename that one; ours is under {home}")
     here = Path.cwd()
-    if here != home and ((here / room).is_dir() and any((here / room).glob("*.py")) or (here / f"{room}.py").exists()):
-        return Finding(room, "warning", f"{here / room} has the same name", "use `rigtwin`, or `python -P -m`")
+    if here != home and (
+        ((here / room).is_dir() and any((here / room).glob("*.py"))) or (here / f"{room}.py").exists()
+    ):
+        return Finding(
+            room, "warning", f"{here / room} has the same name", "use `rigtwin`, or `python -P -m`"
+        )
     return Finding(room, "ok", str(home / room))
 
 
@@ -130,7 +131,9 @@ def runtime_folder() -> Finding:
         with tempfile.TemporaryFile(dir=place):
             return Finding("run time", "ok", str(place))
     except OSError as error:
-        return Finding("run time", "error", f"{place}: {error.strerror}", "set RIGTWIN_RUNTIME_DIR to your own folder")
+        return Finding(
+            "run time", "error", f"{place}: {error.strerror}", "set RIGTWIN_RUNTIME_DIR to your own folder"
+        )
 
 
 def loopback() -> Finding:
@@ -152,16 +155,27 @@ def clock() -> Finding:
     buffer = ctypes.create_string_buffer(512)  # struct timex with room to spare; modes = 0 only reads
     state = ctypes.CDLL(None).adjtimex(buffer)
     if state == CLOCK_UNSYNCHRONISED:
-        return Finding("clock", "warning", "not synchronised", "start a time service; recordings carry UTC of sample 0")
+        return Finding(
+            "clock", "warning", "not synchronised", "start a time service; recordings carry UTC of sample 0"
+        )
     return Finding("clock", "ok", "synchronised" if state >= 0 else "cannot be asked here")
 
 
 def viewer() -> Finding:
     """The rerun viewer's program is there, and a screen for it."""
-    program = shutil.which("rerun", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
+    program = shutil.which(
+        "rerun", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
+    )
     if program is None:
-        return Finding("viewer", "warning", "no rerun program found", "pip install rerun-sdk; --view web needs a browser only")
-    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return Finding(
+            "viewer",
+            "warning",
+            "no rerun program found",
+            "pip install rerun-sdk; --view web needs a browser only",
+        )
+    if sys.platform.startswith("linux") and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
         return Finding("viewer", "ok", "web viewer; no screen here for the native one")
     return Finding("viewer", "ok", "web and native")
 
@@ -179,7 +193,9 @@ def link() -> Finding:
             publisher.put(b"ping")
             if inbox.get(0.1) is not None:
                 return Finding("link", "ok", f"zenoh over {address}")
-    return Finding("link", "error", f"nothing arrived over {address}", "let no firewall stand between local programs")
+    return Finding(
+        "link", "error", f"nothing arrived over {address}", "let no firewall stand between local programs"
+    )
 
 
 def kernels() -> Finding:

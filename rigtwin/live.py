@@ -27,10 +27,14 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         "brought to rest and the recording is closed and certified.",
     )
     add_rig_options(parser)
-    parser.add_argument("--plan", help="plan to perform: a shipped name, a TOML file, or none (default: the rig's)")
+    parser.add_argument(
+        "--plan", help="plan to perform: a shipped name, a TOML file, or none (default: the rig's)"
+    )
     parser.add_argument("--duration", type=float, metavar="S", help="end the run after this many seconds")
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--record", type=Path, metavar="PATH", help="recording to write (default: recordings/...)")
+    where.add_argument(
+        "--record", type=Path, metavar="PATH", help="recording to write (default: recordings/...)"
+    )
     where.add_argument("--no-record", action="store_true", help="keep no recording")
     add_view_option(parser)
     parser.set_defaults(run=run)
@@ -38,7 +42,9 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
 
 def add_rig_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say which rig, and with which changes."""
-    parser.add_argument("--rig", default="thesis-ball", metavar="NAME|PATH", help="rig (default: thesis-ball)")
+    parser.add_argument(
+        "--rig", default="thesis-ball", metavar="NAME|PATH", help="rig (default: thesis-ball)"
+    )
     parser.add_argument("--seed", type=int, metavar="N", help="seed of the emulated rig's noise")
     parser.add_argument(
         "--set",
@@ -52,7 +58,10 @@ def add_rig_options(parser: argparse.ArgumentParser) -> None:
 def add_view_option(parser: argparse.ArgumentParser) -> None:
     """Add the option that says how to show the run."""
     parser.add_argument(
-        "--view", choices=("web", "native", "none"), default="web", help="viewer: a local web page (default), ..."
+        "--view",
+        choices=("web", "native", "none"),
+        default="web",
+        help="viewer: a local web page (default), ...",
     )
 
 
@@ -150,7 +159,9 @@ def greet(supervisor: "Supervisor", rig: "Rig", plan: "Plan | None", path: Path 
     if plan is None:
         supervisor.screen.line("no plan: nothing moves until `rigtwin command arm`; Ctrl-C ends the run")
     else:
-        supervisor.screen.line(f"plan {plan.name}, about {plan.expected_duration(rig):.0f} s: {plan.description}")
+        supervisor.screen.line(
+            f"plan {plan.name}, about {plan.expected_duration(rig):.0f} s: {plan.description}"
+        )
     if path is not None:
         supervisor.screen.line(f"recording {path}")
     supervisor.screen.line("starting (the first start compiles the model, which takes about half a minute)")
@@ -161,7 +172,18 @@ def start_display(supervisor: "Supervisor", view: str, toml: str) -> None:
     from daq.link import free_ports
 
     grpc, web = free_ports(2)
-    arguments = ["twin", "display", "--rig", toml, "--view", view, "--grpc-port", str(grpc), "--web-port", str(web)]
+    arguments = [
+        "twin",
+        "display",
+        "--rig",
+        toml,
+        "--view",
+        view,
+        "--grpc-port",
+        str(grpc),
+        "--web-port",
+        str(web),
+    ]
     supervisor.add("display", arguments)
     if view == "web":
         supervisor.announce("display", "http://", "watch it at ")
@@ -175,7 +197,9 @@ def next_recorder(toml: str, path: Path) -> list[str]:
     return ["twin", "record", "--rig", toml, "--file", str(path), "--part", str(part), "--after", str(after)]
 
 
-def end_condition(supervisor: "Supervisor", plan: "Plan | None", duration: float | None) -> "Callable[[], bool]":
+def end_condition(
+    supervisor: "Supervisor", plan: "Plan | None", duration: float | None
+) -> "Callable[[], bool]":
     """Return a function that says whether the run is over by itself."""
     picture = supervisor.monitor.picture
 

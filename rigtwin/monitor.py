@@ -45,7 +45,12 @@ class Monitor:
         link = self.rig.link
         self._link = Link(connect=[link.endpoint(name) for name in ("daq", "twin", "operator")])
         name = self.rig.name
-        for key in (keys.summary(name), keys.twin_summary(name), keys.status(name, "*"), keys.event(name, "*")):
+        for key in (
+            keys.summary(name),
+            keys.twin_summary(name),
+            keys.status(name, "*"),
+            keys.event(name, "*"),
+        ):
             self._link.subscribe(key, self._inbox)
 
     def update(self, seconds: float) -> None:

@@ -19,14 +19,19 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser = commands.add_parser(
         "replay",
         help="play a recording as if it were live",
-        description="Publish a recording's bytes as the daq did. The twin runs anew on them, unless its recorded "
-        "estimates are asked for.",
+        description="Publish a recording's bytes as the daq did. The twin runs anew on them, unless its "
+        "recorded estimates are asked for.",
     )
     parser.add_argument("file", type=Path, metavar="FILE")
     parser.add_argument(
-        "--rate", default="1", metavar="N|max", help="times real time, or max: as fast as the subscribers take it"
+        "--rate",
+        default="1",
+        metavar="N|max",
+        help="times real time, or max: as fast as the subscribers take it",
     )
-    parser.add_argument("--recorded-twin", action="store_true", help="play the recorded estimates; start no twin")
+    parser.add_argument(
+        "--recorded-twin", action="store_true", help="play the recorded estimates; start no twin"
+    )
     add_view_option(parser)
     parser.set_defaults(run=run)
 

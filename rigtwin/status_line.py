@@ -6,7 +6,6 @@ from typing import TextIO
 from daq.messages_pb2 import Event, Severity
 from rigtwin.monitor import Picture
 
-QUIET_KINDS = {"start", "summary"}
 PLAIN_PERIOD = 5.0  # s of the run between two lines where the output is not a terminal
 
 
@@ -32,6 +31,12 @@ def event_text(event: Event, rate: float) -> str:
     """One event as a line, with its time in the run."""
     mark = {Severity.WARNING: "warning: ", Severity.ALARM: "ALARM: "}.get(event.severity, "")
     return f"{event.sample / rate:7.2f} s  {mark}{event.text}"
+
+
+def worth_showing(event: Event) -> bool:
+    """Whether an event is news: a plan's step is, the accepted command that it sends is not."""
+    by_plan = event.details.get("who", "").startswith("plan ")
+    return event.severity != Severity.INFO or not (event.source == "daq" and by_plan)
 
 
 class StatusLine:

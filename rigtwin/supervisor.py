@@ -9,7 +9,7 @@ from types import FrameType
 from daq.rig import Rig
 from rigtwin.crew import Child, Crew
 from rigtwin.monitor import Monitor
-from rigtwin.status_line import StatusLine, event_text, status_text
+from rigtwin.status_line import StatusLine, event_text, status_text, worth_showing
 
 POLL = 0.1  # s between two looks at the children
 FINISH = 40.0  # s that an orderly end may take in all
@@ -86,7 +86,8 @@ class Supervisor:
         self.monitor.update(seconds)
         while self.monitor.news:
             event = self.monitor.news.popleft()
-            self.screen.line(event_text(event, self.rig.acquisition.rate))
+            if worth_showing(event):
+                self.screen.line(event_text(event, self.rig.acquisition.rate))
         for name in list(self._announcements):
             self._announce(name)
         picture = self.monitor.picture

@@ -62,7 +62,9 @@ def test_killed_supervisor_leaves_a_safe_rig_and_a_closed_recording(tmp_path):
         for pid in children:
             wait_until(lambda pid=pid: gone(pid), "the children to end")
     assert info(path)["certificate"]["verdict"] == "valid"
-    assert abs(Recording(path).series("block", ["motor_speed"]).samples[0, -50:].mean()) < 2.0  # rad/s: at rest
+    assert (
+        abs(Recording(path).series("block", ["motor_speed"]).samples[0, -50:].mean()) < 2.0
+    )  # rad/s: at rest
 
 
 @pytest.mark.parametrize("victim", ["twin", "operator"])

@@ -17,7 +17,12 @@ def test_every_command_and_example_of_the_tutorial_works(tmp_path):
         commands = [[sys.executable, "-c", text]] if kind == "python" else shell(text)
         for command in commands:
             result = subprocess.run(
-                command, cwd=tmp_path, env=os.environ | {"PATH": programs}, capture_output=True, text=True, timeout=240
+                command,
+                cwd=tmp_path,
+                env=os.environ | {"PATH": programs},
+                capture_output=True,
+                text=True,
+                timeout=240,
             )
             assert result.returncode == 0, f"{command}\n{result.stdout}{result.stderr}"
 
