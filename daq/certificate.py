@@ -159,10 +159,10 @@ class Ledger:
     def __init__(self, run: str = "", first_sample: int = 0) -> None:
         self.run = run
         self.first_sample = first_sample
-        self.coverage: dict[str, Coverage] = {}
-        self.last_event: dict[str, int] = {}
         self.end_sample: int | None = None
         """Samples of the whole run, once the daq has told its end."""
+        self._coverage: dict[str, Coverage] = {}
+        self._last_event: dict[str, int] = {}
         self._messages: Counter[str] = Counter()
         self._kinds: dict[str, str] = {}
         self._last_sample: dict[str, int] = {}
@@ -180,7 +180,11 @@ class Ledger:
 
     def covered(self, kind: str) -> Coverage:
         """Return which samples a series has: of kind Block, Estimate or Truth."""
-        return self.coverage.setdefault(kind, Coverage())
+        return self._coverage.setdefault(kind, Coverage())
+
+    def reaches(self, kind: str, end: int) -> bool:
+        """Whether a series is there up to the last block before `end`."""
+        return self.covered(kind).end > end - max(self._block, 1)
 
     def leave_out(self, ends: dict[str, int], events: dict[str, int]) -> None:
         """Leave out what an earlier part of the recording holds.
@@ -190,7 +194,7 @@ class Ledger:
             events: for each topic of events, the last sequence number that is there already.
         """
         self._skip.update(ends)
-        self.last_event.update(events)
+        self._last_event.update(events)
 
     def admit(self, key: str, payload: bytes) -> Entry | None:
         """Take a message; return None when it is of another run or was there already.
@@ -284,7 +288,7 @@ class Ledger:
     def _is_new_event(self, key: str, payload: bytes) -> bool:
         event = Event.FromString(payload)
         seen = self._events.setdefault(key, set())
-        if event.sequence in seen or event.sequence <= self.last_event.get(key, -1):
+        if event.sequence in seen or event.sequence <= self._last_event.get(key, -1):
             return False
         seen.add(event.sequence)
         if event.source == "daq" and event.kind == "end":

@@ -21,7 +21,17 @@ from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 from daq import keys, messages_pb2
 from daq.certificate import Certificate, Ledger
 from daq.messages_pb2 import Description
-from daq.recording_reader import CHANNELS, FACTS, RIG, Check, Message, Recording, SampleClock, Signals
+from daq.recording_reader import (
+    CHANNELS,
+    FACTS,
+    RIG,
+    Check,
+    Message,
+    Recording,
+    SampleClock,
+    Signals,
+    series_end,
+)
 from daq.records import SEAL, seal
 from daq.storage import RecordingError, Storage, part_path, parts, prepare
 
@@ -39,6 +49,7 @@ __all__ = [
     "parts",
     "prepare",
     "recover",
+    "series_end",
 ]
 
 CHUNK_SIZE = 256 * 1024  # bytes of messages that are compressed together

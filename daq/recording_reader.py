@@ -118,6 +118,7 @@ class Recording:
         self._topics: dict[int, str] = {}
         self._notes: dict[str, dict[str, str]] = {}
         self._attachments: dict[str, bytes] = {}
+        self._has_notes = False
         self._more_behind = False
         for record in self._records(heal=True):
             if record.kind == Op.CHUNK:
@@ -167,11 +168,10 @@ class Recording:
         """Turns the run's sample indices into time."""
         return SampleClock(self.description.t0_ns, self.description.rate)
 
-    @cached_property
+    @property
     def notes(self) -> dict[str, dict[str, str]]:
         """All sound metadata records, by name."""
-        for _record in self._records(heal=True):
-            pass
+        self._read_notes()
         return dict(self._notes)
 
     @cached_property
@@ -190,22 +190,30 @@ class Recording:
         """
         wanted = frozenset(topics)
         if heal:
-            _all_topics = self.notes
+            self._read_notes()
         for data in self._chunks(wanted, heal=heal):
             for message in self._of(data):
                 if not wanted or message.key in wanted:
                     yield message
 
-    def last(self, topic: str) -> Message | None:
-        """Return the last sound message of a topic; only chunks that can hold it are unpacked."""
-        _all_topics = self.notes
+    def topics(self) -> tuple[str, ...]:
+        """Return the topics that have messages."""
+        if "topics" not in self.notes:
+            for _message in self.messages(heal=True):
+                pass
+        return tuple(self._topics.values())
+
+    def last(self, *topics: str) -> dict[str, Message]:
+        """Return the last sound message of each topic; only chunks that can hold one are unpacked."""
+        missing = set(topics or self.topics())
+        found: dict[str, Message] = {}
         chunks = [record for record in self._records(heal=True) if record.kind == Op.CHUNK]
         for chunk in reversed(chunks):
-            if self._may_hold(chunk, frozenset([topic])):
-                found = [message for message in self._of(self._unpacked(chunk)) if message.key == topic]
-                if found:
-                    return found[-1]
-        return None
+            if missing and self._may_hold(chunk, frozenset(missing)):
+                newest = {message.key: message for message in self._of(self._unpacked(chunk))}
+                found |= {topic: newest[topic] for topic in missing & newest.keys()}
+                missing -= newest.keys()
+        return found
 
     def events(self) -> list[Event]:
         """Return all events, in the order of the file."""
@@ -237,7 +245,7 @@ class Recording:
         found = []
         for message in self.messages(topic):
             series = decode_series(message.payload)
-            if _end(series) > first and (last is None or series.first_sample <= last):
+            if series_end(series) > first and (last is None or series.first_sample <= last):
                 found.append(series)
         if not found:
             raise RecordingError(f"{self.path}: no samples of {key} from index {first} on")
@@ -293,6 +301,13 @@ class Recording:
         if not stored.clean:
             return "incomplete", "the recording ended before the run did"
         return "valid", ""
+
+    def _read_notes(self) -> None:
+        """Take in all metadata records, once."""
+        if not self._has_notes:
+            for _record in self._records(heal=True):
+                pass
+            self._has_notes = True
 
     def _records(self, *, heal: bool) -> Iterator[Record]:
         """Yield the records of the data section and take in those that are not chunks.
@@ -388,8 +403,8 @@ class Recording:
         )
 
 
-def _end(series: Series) -> int:
-    """Index behind a series."""
+def series_end(series: Series) -> int:
+    """Return the index behind the last sample of a series."""
     return series.first_sample + series.samples.shape[1] * max(series.stride, 1)
 
 
@@ -397,14 +412,14 @@ def _join(found: Sequence[Series], names: Sequence[str]) -> Signals:
     """Put series side by side where their index says, with NaN between them."""
     stride = max(found[0].stride, 1)
     first = min(series.first_sample for series in found)
-    end = max(_end(series) for series in found)
+    end = max(series_end(series) for series in found)
     rows = [found[0].names.index(name) for name in names]
     samples = np.full((len(rows), -(-(end - first) // stride)), np.nan, np.float32)
     coverage = Coverage()
     for series in found:
         column = (series.first_sample - first) // stride
         samples[:, column : column + series.samples.shape[1]] = series.samples[rows]
-        coverage.add(series.first_sample, _end(series))
+        coverage.add(series.first_sample, series_end(series))
     units = tuple(found[0].units[row] for row in rows)
     gaps = tuple(coverage.gaps(first, end))
     return Signals(first, found[0].rate, stride, tuple(names), units, samples, gaps)

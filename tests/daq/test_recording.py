@@ -330,9 +330,12 @@ def test_last_message_is_found_without_reading_everything(tmp_path):
     whole = (tmp_path / "run.mcap").read_bytes()
     (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) * 2 // 3])
     recording = Recording(tmp_path / "cut.mcap")
-    assert recording.last(keys.block(RIG)) == list(recording.messages(keys.block(RIG)))[-1]
-    assert recording.last(keys.event(RIG, "daq")).log_time == T0_NS
-    assert recording.last(keys.event(RIG, "twin")) is None
+    everything = {message.key: message for message in recording.messages()}
+    assert recording.last() == everything
+    assert set(recording.topics()) == set(everything)
+    block, event = keys.block(RIG), keys.event(RIG, "daq")
+    assert recording.last(block, keys.event(RIG, "twin")) == {block: everything[block]}
+    assert recording.last(event)[event].log_time == T0_NS
 
 
 WRITER = """

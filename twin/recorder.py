@@ -1,0 +1,290 @@
+"""The recorder process: writes what daq, twin and operator publish into a recording, and nothing else.
+
+It hears everything losslessly: what it cannot take at once, or misses while it is stopped, it fetches from
+the publishers' caches. It ends when the daq's end event and everything before it are in the file, or when
+the daq is gone. A recorder that takes over from a killed one writes the next part, from the first sample
+that the earlier parts lack.
+"""
+
+import argparse
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from threading import Event as Flag
+
+from google.protobuf.message import DecodeError
+
+from daq import keys
+from daq.certificate import SERIES, Certificate
+from daq.link import Inbox, Link, LinkError
+from daq.messages import MessageError, decode_series, read_header
+from daq.messages_pb2 import Description, Event, Status
+from daq.parent import follow_parent
+from daq.presence import Presence
+from daq.recording import Recording, RecordingError, RecordingWriter, part_path, parts, prepare, series_end
+from daq.rig import Rig, load_rig, rig_from_text
+from daq.runtime import running
+
+PROCESS = "recorder"
+CAPACITY = 8192  # messages that may wait: about 15 s of a run
+ALARM = 0.5  # share of the capacity from which on the recorder says that it falls behind
+STATUS_PERIOD = 0.1  # s
+LOOK = 0.02  # s between two looks at the clock while nothing comes
+DESCRIBED = 20.0  # s that the daq has to describe the run after its first message
+DAQ_DRAIN = 4.0  # s after the end that missing samples may take to come; the daq stays a little longer
+TWIN_DRAIN = 15.0  # s after the end that the last estimates may take to come
+QUIET = 0.3  # s without news after which nothing more is expected
+GONE = 2.0  # s without a daq after which the run is over
+ORPHANED = 10.0  # s without any message after which a recorder that was told to end does not wait
+
+
+class RecorderError(RuntimeError):
+    """The recorder cannot begin; the message says why and what to do."""
+
+
+class Recorder:
+    """Records one run, or what is left of it.
+
+    Args:
+        rig: with the ports of its processes.
+        link: connected to them.
+        path: the recording; part 2 and later go to files beside it.
+        part: 1, or which continuation this is.
+        after: last sample that the earlier parts hold; -1 for none.
+    """
+
+    def __init__(self, rig: Rig, link: Link, path: Path, part: int = 1, after: int = -1) -> None:
+        self.path = prepare(part_path(path, part))
+        self.writer: RecordingWriter | None = None
+        self._rig, self._link = rig, link
+        self._whole = path
+        self._part, self._after = part, after
+        self._inbox = Inbox(CAPACITY, "wait")
+        self._presence = Presence(rig.name, link)
+        self._status = link.publish(keys.status(rig.name, PROCESS))
+        self._quiet_topics = {
+            keys.status(rig.name, process) for process in ("daq", "twin", "operator", PROCESS)
+        }
+        self._unreadable = 0
+        self._saw_daq = False
+        self._heard = time.monotonic()
+        self._daq_gone = self._ended = 0.0  # when that was first seen
+        self._status_due = 0.0
+        self._wall, self._cpu = time.monotonic(), time.process_time()
+        for topic in keys.TOPICS:
+            if topic.recorded:
+                key = topic.pattern.replace("rig/*/", f"rig/{rig.name}/", 1)
+                link.subscribe(key, self._inbox, recover=topic.delivery is keys.Delivery.LOSSLESS)
+        self._token = link.announce(keys.alive(rig.name, PROCESS))
+
+    def run(self, told_to_end: Flag) -> Certificate | None:
+        """Record until the run is over; return the account, or None when there was nothing to record.
+
+        Args:
+            told_to_end: set when nobody waits for the recorder any longer.
+
+        Raises:
+            RecordingError: the disk refuses; what is there is readable.
+            RecorderError: the daq does not describe the run.
+        """
+        try:
+            while not self._is_over(told_to_end):
+                self._step()
+        except RecordingError as error:
+            self._tell(str(error))
+            raise
+        finally:
+            self._inbox.close()
+            if self.writer is not None:
+                certificate = self.writer.close(clean=self.writer.ledger.end_sample is not None)
+        return certificate if self.writer is not None else None
+
+    def _step(self) -> None:
+        item = self._inbox.get(LOOK)
+        if item is not None:
+            self._take(*item)
+        elif self.writer is not None:
+            self.writer.tick()
+        if time.monotonic() >= self._status_due:
+            self._tell("falling behind" if self._inbox.fill > ALARM else "")
+
+    def _take(self, key: str, payload: bytes) -> None:
+        is_status = key in self._quiet_topics
+        if not is_status:
+            self._heard = time.monotonic()
+        if self.writer is None and not is_status:
+            self.writer = self._begin()
+        if self.writer is not None:
+            try:
+                self.writer.add(key, payload)
+            except (MessageError, DecodeError, KeyError) as error:
+                self._unreadable += 1
+                if self._unreadable == 1:
+                    print(
+                        f"recorder: a message of {key} is not readable and is left out: {error}", flush=True
+                    )
+
+    def _begin(self) -> RecordingWriter:
+        """Open the file once the run has begun and the daq can tell when."""
+        description = self._description()
+        description.first_sample = self._after + 1
+        writer = RecordingWriter(self.path, description, part=self._part)
+        if self._part > 1:
+            writer.ledger.leave_out(*held(part_path(self._whole, part) for part in range(1, self._part)))
+        return writer
+
+    def _description(self) -> Description:
+        deadline = time.monotonic() + DESCRIBED
+        while True:
+            try:
+                return Description.FromString(self._link.ask(keys.description(self._rig.name), b""))
+            except LinkError as error:
+                if time.monotonic() > deadline:
+                    raise RecorderError(
+                        f"the daq does not describe the run ({error}): nothing is recorded"
+                    ) from error
+                time.sleep(LOOK)
+
+    def _is_over(self, told_to_end: Flag) -> bool:
+        now = time.monotonic()
+        if self.writer is not None and self.writer.ledger.end_sample is not None:
+            self._ended = self._ended or now
+            return self._is_drained(now - self._ended, now - self._heard > QUIET)
+        if "daq" in self._presence:
+            self._saw_daq, self._daq_gone = True, 0.0
+        elif self._saw_daq:
+            self._daq_gone = self._daq_gone or now
+            if now - max(self._daq_gone, self._heard) > GONE:
+                return True
+        return told_to_end.is_set() and now - self._heard > (ORPHANED if self.writer else GONE)
+
+    def _is_drained(self, elapsed: float, quiet: bool) -> bool:
+        """Whether everything up to the run's end is there, or will not come any more."""
+        assert self.writer is not None
+        ledger = self.writer.ledger
+        end = ledger.end_sample or 0
+        has_blocks = self.writer.lost == 0 and ledger.blocks.end >= end
+        has_truth = not ledger.covered("Truth").samples or ledger.reaches("Truth", end)
+        if elapsed < DAQ_DRAIN and not (has_blocks and has_truth and quiet):
+            return False
+        self._token.close()  # the daq waits for nothing else
+        if "twin" not in self._presence or elapsed > TWIN_DRAIN:
+            return True
+        return ledger.reaches("Estimate", end) and quiet
+
+    def _tell(self, alarm: str) -> None:
+        """Publish the recorder's status; print an alarm when it begins."""
+        now, cpu = time.monotonic(), time.process_time()
+        writer = self.writer
+        blocks = writer.ledger.blocks if writer else None
+        status = Status(
+            timestamp=time.time(),
+            run=writer.ledger.run if writer else "",
+            sample=blocks.end if blocks else 0,
+            process=PROCESS,
+            monotonic_ns=time.monotonic_ns(),
+            utc_ns=time.time_ns(),
+            state=alarm or ("recording" if writer else "waiting"),
+            samples=writer.samples if writer else 0,
+            lost=writer.lost if writer else 0,
+            queue_fill=self._inbox.fill,
+            cpu=(cpu - self._cpu) / max(now - self._wall, 1e-9),
+        )
+        self._wall, self._cpu = now, cpu
+        self._status_due = now + STATUS_PERIOD
+        self._status.put(status.SerializeToString())
+
+
+def next_part(path: str | Path) -> tuple[Path, int, int]:
+    """Return file, number and last recorded sample (-1: none) for a recorder that takes over.
+
+    Args:
+        path: the recording, as it was named at first.
+    """
+    existing = [part for part in parts(path) if part.exists()]
+    ends, _events = held(existing)
+    after = max((end for topic, end in ends.items() if topic.endswith("/daq/block")), default=0) - 1
+    return part_path(path, len(existing) + 1), len(existing) + 1, after
+
+
+def held(files: Iterable[Path]) -> tuple[dict[str, int], dict[str, int]]:
+    """Return what parts of a recording hold.
+
+    Returns:
+        For each topic the index behind its last sample, and for each topic of events the last sequence.
+    """
+    ends: dict[str, int] = {}
+    events: dict[str, int] = {}
+    for path in files:
+        try:
+            last = Recording(path).last()
+        except RecordingError:
+            continue  # it was cut off before its first block
+        for topic, message in last.items():
+            kind = keys.topic(topic).message
+            if kind == "Event":
+                events[topic] = Event.FromString(message.payload).sequence
+            elif kind in SERIES:
+                ends[topic] = series_end(decode_series(message.payload))
+            else:
+                ends[topic] = read_header(message.payload).sample + 1
+    return ends, events
+
+
+def record(rig: Rig, path: Path, part: int, after: int, more: Sequence[str], told_to_end: Flag) -> int:
+    """Record a run; return 0 when its end was seen and 1 when it was not."""
+    endpoints = [rig.link.endpoint(name) for name in ("daq", "twin", "operator")]
+    with Link(connect=[*endpoints, *more]) as link:
+        recorder = Recorder(rig, link, path, part, after)
+        certificate = recorder.run(told_to_end)
+    if certificate is None:
+        print("recorder: nothing was recorded: no run began", flush=True)
+        return 0
+    end = "" if certificate.clean else ", without the end of the run"
+    print(
+        f"recorder: {certificate.received} samples recorded, {certificate.lost} lost, "
+        f"in {recorder.path}{end}",
+        flush=True,
+    )
+    return 0 if certificate.clean else 1
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the recorder process; return its exit code."""
+    options = parser().parse_args(arguments)
+    told_to_end = Flag()
+    follow_parent(told_to_end.set)
+    try:
+        rig = _with_ports(load_rig(options.rig))
+        return record(rig, options.file, options.part, options.after, options.connect, told_to_end)
+    except RecordingError as error:
+        print(f"recorder: {error}", file=sys.stderr, flush=True)
+        return 1
+    except (ValueError, RuntimeError) as error:
+        print(f"recorder: {error}", file=sys.stderr, flush=True)
+        return 2
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the recorder's command line."""
+    made = argparse.ArgumentParser(prog="python -m twin record", description=__doc__)
+    made.add_argument("--rig", required=True, metavar="NAME|PATH", help="rig description, with its ports")
+    made.add_argument("--file", required=True, type=Path, metavar="FILE", help="recording to write")
+    made.add_argument("--part", type=int, default=1, metavar="N", help="which continuation of it to write")
+    made.add_argument(
+        "--after", type=int, default=-1, metavar="SAMPLE", help="last sample that the parts before hold"
+    )
+    made.add_argument(
+        "--connect",
+        action="append",
+        default=[],
+        metavar="ENDPOINT",
+        help="one more process to connect to, which then hears the recorder's status",
+    )
+    return made
+
+
+def _with_ports(rig: Rig) -> Rig:
+    """Return the rig as it runs, when its description leaves the ports open."""
+    return rig if rig.link.daq else rig_from_text(running(rig.name)["toml"], rig.name)
