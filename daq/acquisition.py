@@ -14,6 +14,7 @@ from daq import protection
 from daq.backend import Backend, PastSampleError, Reading, RestOutput, TruthSource
 from daq.commands import CommandError, Commands, Situation
 from daq.events import EventLog, Publish
+from daq.guard import guard_of
 from daq.messages import BlockStatus
 from daq.messages_pb2 import ALARM, INFO, WARNING, Answer, Command, Status
 from daq.rig import Rig
@@ -22,6 +23,8 @@ from daq.timing import StartTime, start_timed
 
 AT_REST = 0.2 * tau
 """rad/s below which the rotor counts as at rest."""
+OVERRUN, LATE = int(BlockStatus.OVERRUN), int(BlockStatus.LATE)
+SENSOR_NOT_OK, GAP_BEFORE = int(BlockStatus.SENSOR_NOT_OK), int(BlockStatus.GAP_BEFORE)
 LEASE_LOST = "lease lost"
 MANUAL = "manual"
 
@@ -55,9 +58,9 @@ class Acquisition:
         self._publish = publish
         self._given_t0 = t0_ns
         self._paced = backend.capabilities.paced
-        self._flags = BlockStatus.EMULATED if backend.capabilities.emulated else BlockStatus(0)
+        self._flags = int(BlockStatus.EMULATED) if backend.capabilities.emulated else 0
         self._truth = backend if isinstance(backend, TruthSource) else None
-        self._guard = protection.guard_of(rig)
+        self._guard = guard_of(rig)
         self._protection = protection.initial_state(self._guard)
         self._raw = np.empty((n_channels, read))
         self._values = np.empty((n_channels, read), np.float32)
@@ -117,12 +120,12 @@ class Acquisition:
         reading = self._backend.read(self._raw)
         if not reading.n_samples:
             return 0
-        flags = self._flags | reading.flags | self._note_gap(reading) | self._lateness(reading)
+        flags = self._flags | reading.flags | self._note_gap(reading) | self._lateness()
         values = self._calibrate(reading)
         verdict = protection.check(values, reading.first_sample, self._protection, self._guard)
         self._protection = verdict.state
         if not verdict.sensors_ok:
-            flags |= BlockStatus.SENSOR_NOT_OK
+            flags |= SENSOR_NOT_OK
         if verdict.trip:
             self._trip("trip", verdict.trip)
         for warned in verdict.warnings:
@@ -205,21 +208,21 @@ class Acquisition:
         values[...] = self.rig.channels.calibrate(raw, raw)
         return values
 
-    def _note_gap(self, reading: Reading) -> BlockStatus:
+    def _note_gap(self, reading: Reading) -> int:
         """Publish a gap when samples are missing before this reading; set the next index."""
         expected, self.sample = self.sample, reading.first_sample + reading.n_samples
         missing = reading.first_sample - expected
         if not missing:
-            return BlockStatus(0)
+            return 0
         self.lost += missing
         last = reading.first_sample - 1
-        overrun = BlockStatus.OVERRUN in reading.flags
+        overrun = reading.flags & OVERRUN
         cause = "the device's buffer overflowed" if overrun else "the device skipped samples"
         text = f"{missing} samples lost ({missing / self.rig.acquisition.rate:.3f} s): {cause}"
         self._events.add("gap", text, expected, ALARM, {"first": expected, "last": last, "cause": cause})
-        return BlockStatus.GAP_BEFORE
+        return GAP_BEFORE
 
-    def _lateness(self, reading: Reading) -> BlockStatus:
+    def _lateness(self) -> int:
         """Flag a read after which a whole read, or more, is still waiting."""
         late = self._paced and self._backend.clock() - self.sample >= self.rig.acquisition.read
         return BlockStatus.LATE if late else BlockStatus(0)

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.messages import BlockStatus
 from daq.rig import Rig
 from simulator.validation import nearest
 
@@ -57,7 +56,7 @@ class Reading(NamedTuple):
 
     first_sample: int
     n_samples: int
-    flags: BlockStatus
+    flags: int  # of `BlockStatus`: OVERRUN, CLIPPED
 
 
 class Capabilities(NamedTuple):
@@ -90,7 +89,7 @@ class Backend(Protocol):
        the oldest samples that have not been read, in the terminal's unit (volts, counts), and returns at
        once: it never waits, also when nothing is there (0 samples).
     4. `first_sample` of a reading comes from the device's counter. Samples that the device lost are
-       indices that were skipped, and the reading after them carries the flag `OVERRUN`.
+       indices that were skipped, and the reading after them carries the flag `BlockStatus.OVERRUN`.
     5. `clock()` is the number of samples that the device has taken since `start()`; it never goes back.
     6. `write(output)` makes the output happen as soon as the device can, at a sample that the device has
        not yet taken, and returns that sample's index. With `at_sample` it happens exactly there;

@@ -7,7 +7,10 @@ from numpy.typing import NDArray
 
 from daq.messages import BlockStatus
 
-Deliver = Callable[[int, NDArray[np.float32], BlockStatus], None]
+Deliver = Callable[[int, NDArray[np.float32], int], None]
+
+AT_A_GAP = int(BlockStatus.GAP_BEFORE | BlockStatus.OVERRUN)
+"""Flags that belong to the first block after a gap alone."""
 
 
 class Collector:
@@ -33,9 +36,9 @@ class Collector:
         self._next = 0
         self._first = 0
         self._fill = 0
-        self._status = BlockStatus(0)
+        self._status = 0
 
-    def add(self, samples: NDArray[np.floating], first_sample: int, status: BlockStatus) -> None:
+    def add(self, samples: NDArray[np.floating], first_sample: int, status: int) -> None:
         """Take in a reading, shape (n_rows, n); one that does not follow the last one begins a new block."""
         if first_sample != self._next:
             self.flush()
@@ -45,7 +48,7 @@ class Collector:
             end = min(count, begin + self._block - sample % self._block)
             self._append(samples, begin, end, sample)
             self._status |= status
-            status &= ~(BlockStatus.GAP_BEFORE | BlockStatus.OVERRUN)
+            status &= ~AT_A_GAP
             begin = end
             if (first_sample + end) % self._block == 0:
                 self.flush()
@@ -56,7 +59,7 @@ class Collector:
         if self._fill:
             self._deliver(self._first, self._buffer[:, : self._fill], self._status)
             self._fill = 0
-            self._status = BlockStatus(0)
+            self._status = 0
 
     def _append(self, samples: NDArray[np.floating], begin: int, end: int, sample: int) -> None:
         offset = -sample % self._stride

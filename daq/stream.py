@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from daq import keys
 from daq.collector import Collector
 from daq.events import Publish
-from daq.messages import BlockStatus, SeriesEncoder
+from daq.guard import Guard, magnitude, rows_of
+from daq.messages import SeriesEncoder
 from daq.messages_pb2 import Summary
-from daq.protection import Guard, magnitude
 from daq.rig import Rig
 from daq.summary import ChannelStatistics, summarise
 from daq.timing import StartTime
@@ -52,6 +52,8 @@ class Stream:
         self._start = start
         self._publish = publish
         self._planes = {condition.name: condition.planes for condition in guard.conditions}
+        speed = self._planes.get("speed")
+        self._speed_row = rows_of(speed[0], len(names))[0] if speed else None
         self._block_key, self._truth_key, self._summary_key = (
             keys.block(rig.name),
             keys.truth(rig.name),
@@ -68,11 +70,11 @@ class Stream:
             self._truth_encoder = SeriesEncoder(run, rate, *truth, stride=TRUTH_STRIDE)
             self._truth = Collector(len(truth[0]), block, TRUTH_STRIDE, self._publish_truth)
 
-    def add(self, samples: NDArray[np.float32], first_sample: int, status: BlockStatus) -> None:
+    def add(self, samples: NDArray[np.float32], first_sample: int, status: int) -> None:
         """Take in a reading in the channels' units, shape (n_channels, n)."""
         self._blocks.add(samples, first_sample, status)
 
-    def add_truth(self, signals: NDArray[np.float64], first_sample: int, status: BlockStatus) -> None:
+    def add_truth(self, signals: NDArray[np.float64], first_sample: int, status: int) -> None:
         """Take in the true signals of a reading, shape (n_signals, n)."""
         if self._truth:
             self._truth.add(signals, first_sample, status)
@@ -84,9 +86,9 @@ class Stream:
             self._truth.flush()
         self._publish_statistics()
 
-    def _publish_block(self, first_sample: int, samples: NDArray[np.float32], status: BlockStatus) -> None:
+    def _publish_block(self, first_sample: int, samples: NDArray[np.float32], status: int) -> None:
         timestamp = self._start.timestamp(first_sample, self._rate)
-        self._publish(self._block_key, self._encoder.encode(timestamp, first_sample, int(status), samples))
+        self._publish(self._block_key, self._encoder.encode(timestamp, first_sample, status, samples))
         summary = summarise(
             self._summary,
             timestamp,
@@ -101,9 +103,9 @@ class Stream:
         if self._statistics.count >= self._statistics_length:
             self._publish_statistics()
 
-    def _publish_truth(self, first_sample: int, signals: NDArray[np.float32], status: BlockStatus) -> None:
+    def _publish_truth(self, first_sample: int, signals: NDArray[np.float32], status: int) -> None:
         timestamp = self._start.timestamp(first_sample, self._rate)
-        payload = self._truth_encoder.encode(timestamp, first_sample, int(status), signals)
+        payload = self._truth_encoder.encode(timestamp, first_sample, status, signals)
         self._publish(self._truth_key, payload)
 
     def _publish_statistics(self) -> None:
@@ -111,8 +113,7 @@ class Stream:
             self._publish(key, message.SerializeToString())
 
     def _mean_speed(self, samples: NDArray[np.float32]) -> float:
-        planes = self._planes.get("speed")
-        return float(samples[planes[0].rows[0]].mean(dtype=np.float64)) if planes else 0.0
+        return float(samples[self._speed_row].mean(dtype=np.float64)) if self._speed_row is not None else 0.0
 
     def _largest(self, name: str, samples: NDArray[np.float32]) -> float:
         planes = self._planes.get(name)

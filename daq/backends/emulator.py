@@ -36,6 +36,7 @@ UNITS = {
     "penetration": "m",
 }
 """Unit of each true signal, by its name without `_x` or `_y`."""
+OVERRUN, CLIPPED = int(BlockStatus.OVERRUN), int(BlockStatus.CLIPPED)
 RATES = (100.0, 1e6)
 CHUNK = 1000
 """Samples simulated at once."""
@@ -71,6 +72,7 @@ class Emulator:
         self._now = clock
         self._rig: Rig | None = None
         self._simulation: Simulation | None = None
+        self._fresh: Simulation | None = None  # made by `open`, so that `start` takes no time
         self._origin = 0.0  # s of `clock` at sample 0
         self._next = 0  # sample that the next reading begins with
         self._stopped_at: int | None = 0  # what `clock()` says while nothing is sampled
@@ -95,11 +97,13 @@ class Emulator:
         self._latency = max(1, round(rig.emulator.latency * rig.acquisition.rate))
         self._buffer = max(1, round(rig.emulator.buffer * rig.acquisition.rate))
         self._warm_up(rig)
+        self._fresh = Simulation(rig.emulated_model, rig.acquisition.rate)
 
     def start(self) -> None:
         """Begin at sample 0 with the shaft hanging still."""
         rig = self._opened()
-        self._simulation = Simulation(rig.emulated_model, rig.acquisition.rate)
+        self._simulation = self._fresh or Simulation(rig.emulated_model, rig.acquisition.rate)
+        self._fresh = None
         self._pending.clear()
         self._next = 0
         self._stopped_at = None
@@ -116,12 +120,12 @@ class Emulator:
     def read(self, out: NDArray[np.float64]) -> Reading:
         """Compute and return the oldest samples that have not been read; `out` must be C-contiguous."""
         simulation = self._running()
-        flags = BlockStatus(0)
+        flags = 0
         count = out.shape[1]
         if self.capabilities.paced:
             taken = self.clock()
             if taken - self._buffer > self._next:
-                flags |= BlockStatus.OVERRUN
+                flags |= OVERRUN
                 self._lose(simulation, taken - self._buffer)
             count = min(count, taken - self._next)
         first = self._next
@@ -129,7 +133,7 @@ class Emulator:
         if count:
             self._simulate(simulation, self._last)
             if read_sensors(self._sensors, self._last, first, self._seed, out):
-                flags |= BlockStatus.CLIPPED
+                flags |= CLIPPED
             self._next += count
         return Reading(first, count, flags)
 
@@ -150,7 +154,7 @@ class Emulator:
             )
         sample = earliest if at_sample is None else at_sample
         if isinstance(output, RestOutput):
-            self._pending.clear()
+            self._pending = sorted(entry for entry in self._pending if entry[0] <= reached)
         heappush(self._pending, (sample, self._written, output))
         self._written += 1
         return sample
@@ -164,7 +168,7 @@ class Emulator:
     def close(self) -> None:
         """Forget the rig."""
         self.stop()
-        self._rig = None
+        self._rig = self._fresh = None
 
     def _opened(self) -> Rig:
         if self._rig is None:
