@@ -8,12 +8,14 @@ a viewer that is stopped or killed takes nothing from whoever draws.
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
+from analysis.regime import Regime
 from daq.rig import Rig
 from twin.display_data import MICRO, Contact, Curve, Frame, Orbit, Scene
 from twin.display_geometry import bearing_edge, ruler, view_radius
@@ -33,17 +35,27 @@ RESIDUALS = ((86, 180, 233), (240, 190, 70), (60, 190, 130), (213, 94, 160), (17
 BACKGROUND = (16, 18, 22)
 
 ORBITS = {  # colour, half widths of line and dot on the screen, order from back to front
-    "measured": (MEASURED, 2.0, 6.0, 20.0),
-    "twin": (TWIN, 0.9, 4.0, 30.0),
+    "measured": (MEASURED, 1.6, 5.0, 20.0),
+    "twin": (TWIN, 0.8, 3.5, 30.0),
 }
 LEVELS = (rr.TextLogLevel.INFO, rr.TextLogLevel.WARN, rr.TextLogLevel.ERROR)
 
+REGIMES = {
+    Regime.UNKNOWN: (90, 95, 105),
+    Regime.AT_REST: (120, 130, 145),
+    Regime.FREE_DECAY: (110, 170, 190),
+    Regime.CONTACT_FREE: (60, 170, 120),
+    Regime.BOUNCING: (235, 190, 70),
+    Regime.PERMANENT: (230, 130, 60),
+    Regime.FORWARD_WHIRL: (190, 90, 200),
+    Regime.BACKWARD_WHIRL: (220, 60, 50),
+}
 LINES: dict[str, tuple[tuple[str, ...], tuple[Colour, ...]]] = {
     "displacement/measured": (("x measured", "y measured"), (MEASURED_X, MEASURED_Y)),
     "displacement/twin": (("x twin", "y twin"), (TWIN_X, TWIN_Y)),
     "force/transducers": (("transducers' resultant",), (MEASURED,)),
     "force/twin": (("twin's contact force",), (TWIN,)),
-    "speed": (("speed", "set-point"), (MEASURED, COMMAND)),
+    "speed": (("set-point", "speed"), (COMMAND, MEASURED)),
 }
 PLOTS = {  # title and share of the height
     "displacement": ("Displacement at the bearing, µm", 3.0),
@@ -122,12 +134,17 @@ class Screen:
     def event(self, time: float, source: str, severity: int, text: str) -> None:
         """Add a line to the event log."""
         self._stream.set_time(TIMELINE, duration=time)
-        self._stream.log(f"events/{source}", rr.TextLog(text, level=LEVELS[min(severity, 2)]))
+        line = rr.TextLog(f"{time:8.2f} s   {text}", level=LEVELS[min(severity, 2)])
+        self._stream.log(f"events/{source}", line)
 
     def _draw_surroundings(self) -> None:
         """Draw what does not move: the bearing's edge and the axes."""
-        reach = MICRO * view_radius(self._rig)
-        self._draw_axes(reach)
+        self._draw_axes(MICRO * view_radius(self._rig))
+        self._stream.log(
+            "regime",
+            rr.StateConfiguration(values=list(REGIMES), labels=list(REGIMES), colors=list(REGIMES.values())),
+            static=True,
+        )
         if self._rig.model is not None:
             strips = [flipped(MICRO * strip) for strip in bearing_edge(self._rig.model)]
             edge = rr.LineStrips2D(strips, colors=EDGE, radii=rr.Radius.ui_points(1.5), draw_order=10.0)
@@ -153,19 +170,25 @@ class Screen:
     def _draw_curve(self, name: str, curve: Curve) -> None:
         if name not in self._named:
             self._named.add(name)
-            names, colours = self._lines(name)
+            names, colours = self._lines(name, curve.values.shape[1])
             width = 1.0 if name.endswith("/twin") else 1.6
-            style = rr.SeriesLines(names=names, colors=colours, widths=[width] * len(names))
+            style = rr.SeriesLines(
+                names=names,
+                colors=colours,
+                widths=[width] * len(names),
+                aggregation_policy=rr.components.AggregationPolicy.MinMax,  # a peak shows at any zoom
+            )
             self._stream.log(f"plots/{name}", style, static=True)
         times = rr.TimeColumn(TIMELINE, duration=curve.times)
         self._stream.send_columns(f"plots/{name}", [times], rr.Scalars.columns(scalars=curve.values))
 
-    def _lines(self, name: str) -> tuple[Sequence[str], Sequence[Colour]]:
-        """Return names and colours of a plot's lines."""
+    def _lines(self, name: str, count: int) -> tuple[Sequence[str], Sequence[Colour]]:
+        """Return names and colours of a plot's lines; the first ones are left out where there are fewer."""
         if name in LINES:
-            return LINES[name]
-        names = self._scene.residual_names[name.removeprefix("residual/")]
-        return names, [RESIDUALS[number % len(RESIDUALS)] for number in range(len(names))]
+            names, colours = LINES[name]
+            return names[-count:], colours[-count:]
+        residuals = self._scene.residual_names[name.removeprefix("residual/")]
+        return residuals, [RESIDUALS[number % len(RESIDUALS)] for number in range(count)]
 
     def _draw_orbit(self, name: str, orbit: Orbit) -> None:
         """Draw the path, a large dot for each passing of the encoder's zero, a small one for now."""
@@ -210,7 +233,7 @@ def blueprint(rig: Rig, *, following: bool) -> rrb.Blueprint:
     if modelled:
         left.append((regime_view(following), 1.2))
     left.append((event_view(), 2.4))
-    state = "following" if following else "playing"
+    state: Literal["following", "playing"] = "following" if following else "playing"
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.TextDocumentView(origin="headline", name="Rig", titlebar=False),
@@ -243,7 +266,7 @@ def event_view() -> rrb.TextLogView:
     return rrb.TextLogView(
         origin="events",
         name="Events",
-        columns=rrb.TextLogColumns(timeline_columns=[TIMELINE], text_log_columns=["loglevel", "body"]),
+        columns=rrb.TextLogColumns(text_log_columns=["loglevel", "body"]),
     )
 
 

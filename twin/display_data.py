@@ -21,6 +21,7 @@ TRAIL_RATE = 2000.0  # Hz of the orbit's points
 TRAIL_REVOLUTIONS = 2.0
 TRAIL_SHORTEST, TRAIL_LONGEST = 0.1, 1.0  # s
 TRAIL_POINTS = 240  # of one orbit as drawn
+DRAWN = {"displacement_x", "displacement_y", "contact_force_x", "contact_force_y"}  # rows of an estimate
 
 Floats = NDArray[np.float64]
 Reduction = Callable[[Floats], Floats]
@@ -70,15 +71,16 @@ class Stretches:
 
     def __init__(self, width: int) -> None:
         self.width = width  # columns in a bin
+        self.next_index = 0  # after the newest column
+        self._step = 1
         self._parts: list[tuple[int, list[NDArray[np.float32]]]] = []
-        self._next: int | None = None
 
     def add(self, first: int, step: int, columns: NDArray[np.float32]) -> None:
         """Append columns (n_rows, n); column j has the index first + j * step."""
-        if first != self._next or not self._parts:
+        if first != self.next_index or not self._parts:
             self._parts.append((first, []))
         self._parts[-1][1].append(columns)
-        self._next = first + columns.shape[1] * step
+        self.next_index = first + columns.shape[1] * step
         self._step = step
 
     def take(self) -> list[tuple[NDArray[np.int64], NDArray[np.float32]]]:
@@ -127,6 +129,8 @@ class Trail:
 
     def add(self, times: Floats, path: Points) -> None:
         """Append points (2, n) in µm with their times in s."""
+        if self._times.size and times.size and times[0] - self._times[-1] > 1.5 * BIN:
+            self._times, self._path = np.empty(0), np.empty((2, 0))  # the way across a gap is not known
         times = np.concatenate((self._times, times))
         path = np.concatenate((self._path, path), axis=1)
         recent = np.searchsorted(times, times[-1] - TRAIL_LONGEST) if times.size else 0
@@ -166,21 +170,24 @@ class Scene:
         self._rows: dict[str, int] = {}
         self._trails = {"measured": Trail(), "twin": Trail()}
         self._marks = np.empty(0)  # s, when the encoder passed its zero
-        self._last_angle: float | None = None
+        self._last_angle = (-1, 0.0)  # index and value
 
     def add_block(self, block: Series) -> None:
-        """Take in a block."""
-        if self.shown and block.first_sample > self.next_sample:
+        """Take in a block; one that goes back in time is left out."""
+        if self.shown:
+            if block.first_sample < self.next_sample:
+                return
             self.skipped += block.first_sample - self.next_sample
         self.next_sample = block.first_sample + block.samples.shape[1]
         self.shown += block.samples.shape[1]
         self._blocks.add(block.first_sample, 1, block.samples)
 
     def add_estimate(self, estimate: Series) -> None:
-        """Take in an estimate of the twin."""
+        """Take in an estimate of the twin; one that goes back in time is left out."""
         if self._estimates is None:
             self._estimates = self._learn(estimate)
-        self._estimates.add(estimate.first_sample, self._stride, estimate.samples)
+        if estimate.first_sample >= self._estimates.next_index:
+            self._estimates.add(estimate.first_sample, self._stride, estimate.samples)
 
     def frame(self) -> Frame:
         """Return what has arrived since the last call."""
@@ -231,11 +238,11 @@ class Scene:
             self._curves.add("force/transducers", times, resultant[np.newaxis], width, largest)
             force = float(resultant.max())
         if sensors.speed is not None:
-            rows = [row for row in (sensors.speed, sensors.speed_command) if row is not None]
+            rows = [row for row in (sensors.speed_command, sensors.speed) if row is not None]
             self._curves.add("speed", times, HZ * samples[rows].astype(np.float64), width, mean)
             speed = HZ * float(samples[sensors.speed].mean())
         if sensors.angle is not None:
-            self._note_turns(times, samples[sensors.angle])
+            self._note_turns(indices, samples[sensors.angle])
         self.numbers = Numbers(float(times[-1]), speed, radius, force)
 
     def _estimate(self, indices: NDArray[np.int64], columns: NDArray[np.float32]) -> Contact | None:
@@ -245,14 +252,16 @@ class Scene:
         width = self._estimates.width
         times = indices / self.rate
         values = columns.astype(np.float64)
+        for unit, rows in self.residuals.items():
+            scale = MICRO if unit == "m" else 1.0
+            self._curves.add(f"residual/{unit}", times, scale * values[list(rows)], width, largest)
+        if not self._rows.keys() >= DRAWN:
+            return None
         path = MICRO * values[[self._rows["displacement_x"], self._rows["displacement_y"]]]
         force = values[[self._rows["contact_force_x"], self._rows["contact_force_y"]]]
         resultant = np.linalg.norm(force, axis=0)
         self._curves.add("displacement/twin", times, path, width, mean)
         self._curves.add("force/twin", times, resultant[np.newaxis], width, largest)
-        for unit, rows in self.residuals.items():
-            scale = MICRO if unit == "m" else 1.0
-            self._curves.add(f"residual/{unit}", times, scale * values[list(rows)], width, largest)
         self._extend("twin", times, path, self._stride)
         hardest = int(resultant.argmax())
         return Contact(path[:, hardest], force[:, hardest]) if resultant[hardest] > 0.0 else None
@@ -261,13 +270,14 @@ class Scene:
         thin = max(1, round(self.rate / stride / TRAIL_RATE))
         self._trails[name].add(times[::thin], path[:, ::thin])
 
-    def _note_turns(self, times: Floats, angle: NDArray[np.float32]) -> None:
+    def _note_turns(self, indices: NDArray[np.int64], angle: NDArray[np.float32]) -> None:
         """Note when the wrapped angle jumped by more than half a turn."""
-        before = angle[0] if self._last_angle is None else self._last_angle
+        index, value = self._last_angle
+        before = value if index == indices[0] - 1 else angle[0]
         jumps = np.abs(np.diff(angle, prepend=before)) > np.pi
-        marks = np.concatenate((self._marks, times[jumps]))
-        self._marks = marks[marks > times[-1] - TRAIL_LONGEST]
-        self._last_angle = float(angle[-1])
+        marks = np.concatenate((self._marks, indices[jumps] / self.rate))
+        self._marks = marks[marks > indices[-1] / self.rate - TRAIL_LONGEST]
+        self._last_angle = (int(indices[-1]), float(angle[-1]))
 
     def _trail_duration(self) -> float:
         """Return how long the drawn trail is: a fixed number of revolutions within bounds."""

@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.protection import Projection, displacement_planes, force_planes
+from daq.guard import Plane, displacement_planes, force_planes
 from daq.rig import Rig
 from simulator.rig import BackupBearing, BearingKind, Model
 
@@ -21,8 +21,8 @@ Item = TypeVar("Item")
 class Sensors(NamedTuple):
     """Rows of a block that the display draws; None or empty where the rig has no such channel."""
 
-    displacement: Projection | None
-    force: Projection | None
+    displacement: Plane | None
+    force: Plane | None
     angle: int | None
     speed: int | None
     speed_command: int | None
@@ -45,10 +45,9 @@ def sensors_of(rig: Rig) -> Sensors:
     )
 
 
-def project(samples: NDArray[np.float32], plane: Projection) -> Points:
+def project(samples: NDArray[np.float32], plane: Plane) -> Points:
     """Return the vector (2, n) that sensors measure, from samples (n_channels, n)."""
-    weights = np.array([plane.x, plane.y])
-    return weights @ samples[list(plane.rows)].astype(np.float64)
+    return (plane.weights @ samples[plane.rows]).astype(np.float64)
 
 
 def bearing_edge(model: Model) -> list[Points]:
@@ -88,7 +87,7 @@ def pin_arc(bearing: BackupBearing, shaft_radius: float, number: int) -> Points:
 def view_radius(rig: Rig) -> float:
     """Return half the width of the orbit view in m: the bearing's edge or the trip level, with a margin."""
     reaches = [np.abs(strip).max() for strip in bearing_edge(rig.model)] if rig.model else []
-    if rig.limits.displacement is not None:
+    if np.isfinite(rig.limits.displacement.trip):
         reaches.append(rig.limits.displacement.trip)
     if not reaches:
         widest = [channel.full_scale for channel in rig.channels if channel.quantity == "displacement"]

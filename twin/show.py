@@ -70,7 +70,8 @@ class Show:
         parts = [f"{numbers.time:.1f} s", f"{numbers.speed_hz:.2f} Hz", self._orbit_text(numbers.radius)]
         if self._scene.sensors.force:
             parts.append(f"force {numbers.force:.1f} N")
-        parts.append(self._regime or self._state or "waiting for the rig")
+        if self._regime or self._state:
+            parts.append(self._regime or self._state)
         if self._first_out:
             parts.append(f"TRIPPED: {self._first_out}")
         if self._scene.skipped:

@@ -15,13 +15,17 @@ from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryFile
 from types import TracebackType
-from typing import Self
+from typing import Literal, Self
 from urllib.parse import quote
+
+from daq.link import free_ports
 
 HOST = "127.0.0.1"
 START = 20.0  # s within which the program must serve
 FILE_MEMORY = "2GB"  # of a recording that is shown, kept for browsers that come late
 PR_SET_PDEATHSIG = 1  # Linux: signal a process when its parent dies
+
+View = Literal["web", "native"]
 
 
 class ViewerError(RuntimeError):
@@ -85,6 +89,18 @@ class Page:
         """End the page."""
         self._process.terminate()
         self._process.wait()
+
+
+def look_at(sources: Sequence[str], view: View) -> None:
+    """Open the viewer on files of its own or on a running display, and wait for the user."""
+    if view == "native":
+        open_window(sources, stays=False).wait()
+        return
+    served = any(source.startswith("rerun") for source in sources)
+    page_port, data_port = free_ports(2)
+    with Page(page_port, sources, None if served else data_port) as page:
+        print(f"open {page.url}\nCtrl-C ends", flush=True)
+        page.wait()
 
 
 def open_window(sources: Sequence[str], *, stays: bool) -> "subprocess.Popen[bytes]":
