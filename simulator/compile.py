@@ -1,7 +1,9 @@
 """Compilation of the numeric kernels and where their machine code is kept.
 
-`kernel` is the one decorator of the product's compiled functions. The machine code is cached in the
-user's cache folder, so that it survives a restart and works where the installed package is read-only.
+`kernel` and `inlined` are the decorators of the product's compiled functions: `inlined` puts a small one into
+each of its callers, which saves passing the model's sixty numbers but costs compile time where the
+function is large or called in many places. The machine code is cached in the user's cache folder, so that
+it survives a restart and works where the installed package is read-only.
 numba notices an edit of a cached function's own file but not of a function that it calls from another
 file; therefore the folder is named after a digest of all sources that a kernel may call.
 """
@@ -28,22 +30,25 @@ def kernel(function: Function) -> Function:
     Divisions by zero give infinities as in numpy. Floating-point operations are neither reordered nor
     fused, so that equal inputs give equal bits.
     """
+    return compiled(function, inline=False)
+
+
+def inlined(function: Function) -> Function:
+    """Compile `function` as `kernel` does, into each of its callers."""
+    return compiled(function, inline=True)
+
+
+def compiled(function: Function, inline: bool) -> Function:
+    """Return numba's dispatcher for a function; to a type checker it is the function."""
     folder = cache_folder(Path(function.__code__.co_filename).parent)
-    if folder is None:
-        return compiled(function, cached=False)
     settings: Any = numba.config
     previous = settings.CACHE_DIR
-    settings.CACHE_DIR = str(folder)
+    settings.CACHE_DIR = str(folder or "")
     try:
-        return compiled(function, cached=True)
+        decorator = numba.njit(cache=folder is not None, nogil=True, error_model="numpy", forceinline=inline)
+        return cast(Function, decorator(function))
     finally:
         settings.CACHE_DIR = previous
-
-
-def compiled(function: Function, cached: bool) -> Function:
-    """Return numba's dispatcher for a function; to a type checker it is the function."""
-    dispatcher: Any = numba.njit(cache=cached, nogil=True, error_model="numpy")(function)
-    return cast(Function, dispatcher)
 
 
 @cache

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simulator.compile import kernel
+from simulator.compile import inlined, kernel
 from simulator.rig import BackupBearing, BearingKind, DampingMode, Model
 from simulator.state import State
 
@@ -41,13 +41,13 @@ class Contact(NamedTuple):
     penetration: float  # m, the deepest; negative: the gap that is left
 
 
-@kernel
+@inlined
 def candidate_count(bearing: BackupBearing) -> int:
     """Return the number of places where shaft and bearing may touch."""
     return MOST_CANDIDATES if bearing.kind == PINNED else 1
 
 
-@kernel
+@inlined
 def wall(
     bearing: BackupBearing, shaft_radius: float, index: int, x: float, y: float
 ) -> tuple[float, float, float]:
@@ -64,7 +64,7 @@ def wall(
     return x / radius, y / radius, radius - bearing.clearance
 
 
-@kernel
+@inlined
 def pin_wall(
     bearing: BackupBearing, shaft_radius: float, index: int, x: float, y: float
 ) -> tuple[float, float, float]:
@@ -83,7 +83,7 @@ def pin_wall(
     return to_x / length, to_y / length, reach - length
 
 
-@kernel
+@inlined
 def normal_force(stiffness: float, damping_factor: float, penetration: float, rate: float) -> float:
     """Return Hunt and Crossley's force, N: k d^1.5 (1 + 1.5 eta d'), never pulling (P3 eq 20, P1 eq 11).
 
@@ -95,7 +95,7 @@ def normal_force(stiffness: float, damping_factor: float, penetration: float, ra
     return max(0.0, elastic * (1.0 + 1.5 * damping_factor * rate))
 
 
-@kernel
+@inlined
 def friction(bearing: BackupBearing, normal: float, slip_t: float, slip_z: float) -> tuple[float, float]:
     """Return the friction on the shaft, N, along the tangent and along the shaft.
 
@@ -107,14 +107,14 @@ def friction(bearing: BackupBearing, normal: float, slip_t: float, slip_z: float
     return scale * slip_t, scale * slip_z
 
 
-@kernel
+@inlined
 def ring_radius(model: Model) -> float:
     """Return the radius (m) at which a spinning inner ring is touched; zero where nothing spins."""
     bearing = model.backup_bearing
     return bearing.clearance + model.rotor.shaft_radius if bearing.kind == BALL else 0.0
 
 
-@kernel
+@inlined
 def relative_motion(model: Model, state: State) -> tuple[float, float, float, float]:
     """Return place (m) and velocity (m/s) of the shaft's centre relative to the house's, at plane S."""
     station = model.rotor.bearing_station
@@ -126,7 +126,7 @@ def relative_motion(model: Model, state: State) -> tuple[float, float, float, fl
     )
 
 
-@kernel
+@inlined
 def slip(
     model: Model, state: State, nx: float, ny: float, along_t: float
 ) -> tuple[float, float, float, float]:
@@ -144,7 +144,7 @@ def slip(
     return slip_t, slip_z, lever_x, lever_y
 
 
-@kernel
+@inlined
 def candidate_contact(model: Model, damping_factor: float, index: int, state: State) -> Contact:
     """Return what one candidate does to the rotor (P3 eq 10, 17-19 with Newton's third law for the signs)."""
     rotor, bearing = model.rotor, model.backup_bearing
@@ -181,7 +181,7 @@ def contact_force(model: Model, damping_factors: np.ndarray, state: State) -> Co
     return total
 
 
-@kernel
+@inlined
 def together(a: Contact, b: Contact) -> Contact:
     """Return the sum of two contacts, with the deeper one's penetration."""
     return Contact(
@@ -196,7 +196,7 @@ def together(a: Contact, b: Contact) -> Contact:
     )
 
 
-@kernel
+@inlined
 def penetration(model: Model, state: State) -> float:
     """Return the deepest candidate's penetration, m; negative: the gap that is left."""
     x, y, _, _ = relative_motion(model, state)
@@ -207,7 +207,7 @@ def penetration(model: Model, state: State) -> float:
     return deepest
 
 
-@kernel
+@inlined
 def latch(model: Model, state: State, damping_factors: np.ndarray) -> None:
     """Bring the damping factors (4,), s/m, of the open candidates up to date; call it before each substep.
 
@@ -226,7 +226,7 @@ def latch(model: Model, state: State, damping_factors: np.ndarray) -> None:
             damping_factors[index] = (1.0 - bearing.restitution) / closing
 
 
-@kernel
+@inlined
 def beyond_pins(model: Model, state: State) -> bool:
     """Tell whether the shaft is where the pinned bearing has no wall any more, behind its pins."""
     bearing = model.backup_bearing

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simulator.compile import kernel
+from simulator.compile import inlined
 from simulator.rig import Drive, DriveMode
 
 IDEAL = int(DriveMode.IDEAL)
@@ -12,7 +12,7 @@ IDEAL = int(DriveMode.IDEAL)
 RAMP_FIELDS = 4
 
 
-@kernel
+@inlined
 def set_point(ramp: np.ndarray, sample: int, tick: float) -> float:
     """Return the speed set-point at a sample, rad/s; `tick` is the time between samples, s."""
     begin, target = ramp[0], ramp[1]
@@ -22,14 +22,14 @@ def set_point(ramp: np.ndarray, sample: int, tick: float) -> float:
     return max(begin - change, target)
 
 
-@kernel
+@inlined
 def motor_torque(drive: Drive, error: float, integral: float) -> float:
     """Return the motor's torque, N m, from the speed error (rad/s) and its integral (rad)."""
     wanted = drive.proportional_gain * error + drive.integral_gain * integral
     return min(max(wanted, -drive.max_torque), drive.max_torque)
 
 
-@kernel
+@inlined
 def next_integral(drive: Drive, error: float, integral: float, tick: float) -> float:
     """Return the speed error's integral after a tick; it waits while the torque is at its limit."""
     if abs(drive.proportional_gain * error + drive.integral_gain * integral) > drive.max_torque:

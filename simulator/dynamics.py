@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simulator.compile import kernel
+from simulator.compile import inlined, kernel
 from simulator.contact import candidate_count, contact_force, normal_force, relative_motion, ring_radius, wall
 from simulator.numeric import sine_cosine
 from simulator.rig import DriveMode, Model, Rotor
@@ -52,14 +52,14 @@ class Tick(NamedTuple):
     most_substeps: float  # of a tick with contact
 
 
-@kernel
+@inlined
 def static_moment(rotor: Rotor) -> float:
     """Return the vertical moment of weight and coupling force, N m."""
     weight = -rotor.mass * rotor.gravity * rotor.centre_of_mass_station
     return weight + rotor.coupling_station * rotor.coupling_force
 
 
-@kernel
+@inlined
 def unbalance_moment(rotor: Rotor, angle: float, speed: float, acceleration: float) -> tuple[float, float]:
     """Return the moment (x, y) of the unbalance, N m (P3 eq 9, with the tangential part)."""
     sine, cosine = sine_cosine(angle + rotor.unbalance_angle)
@@ -68,7 +68,7 @@ def unbalance_moment(rotor: Rotor, angle: float, speed: float, acceleration: flo
     return radial * cosine + tangential * sine, radial * sine - tangential * cosine
 
 
-@kernel
+@inlined
 def tilt_acceleration(
     model: Model,
     x: float,
@@ -94,7 +94,7 @@ def tilt_acceleration(
     return total_x / rotor.inertia, total_y / rotor.inertia
 
 
-@kernel
+@inlined
 def shaft_acceleration(model: Model, load: float, inputs: Inputs) -> float:
     """Return the shaft's angular acceleration, rad/s2, under the contact's torque `load` (N m)."""
     drive = model.drive
@@ -103,7 +103,7 @@ def shaft_acceleration(model: Model, load: float, inputs: Inputs) -> float:
     return (inputs.torque + load) / (drive.inertia + model.rotor.polar_inertia)
 
 
-@kernel
+@inlined
 def derivatives(model: Model, damping_factors: np.ndarray, inputs: Inputs, state: State) -> State:
     """Return the rate of change of each field of the state, with the contact as it is in that state.
 
@@ -143,7 +143,7 @@ def derivatives(model: Model, damping_factors: np.ndarray, inputs: Inputs, state
     )
 
 
-@kernel
+@inlined
 def ring_acceleration(model: Model, speed: float, torque: float) -> float:
     """Return the inner ring's angular acceleration, rad/s2 (P3 eq 19); zero where no ring spins."""
     bearing = model.backup_bearing
@@ -152,7 +152,7 @@ def ring_acceleration(model: Model, speed: float, torque: float) -> float:
     return (torque - bearing.ring_damping * speed) / bearing.ring_inertia
 
 
-@kernel
+@inlined
 def moved(state: State, duration: float, rate: State) -> State:
     """Return the state after a duration (s) at constant rates."""
     return State(
@@ -196,7 +196,7 @@ def collide(
     return moved(state, duration / 6.0, rate_4)
 
 
-@kernel
+@inlined
 def fly(model: Model, first: Inputs, middle: Inputs, last: Inputs, duration: float, state: State) -> State:
     """Return the state after `duration` (s) without contact, house and ring left as they are.
 
@@ -240,7 +240,7 @@ def fly(model: Model, first: Inputs, middle: Inputs, last: Inputs, duration: flo
     )
 
 
-@kernel
+@inlined
 def settle(tick: Tick, state: State) -> State:
     """Return the state with house and ring moved on by one tick without contact, exactly."""
     return State(
@@ -259,20 +259,20 @@ def settle(tick: Tick, state: State) -> State:
     )
 
 
-@kernel
+@inlined
 def may_touch(model: Model, tick: Tick, state: State, depth: float) -> bool:
     """Tell whether the shaft may reach the bearing within a tick; `depth` is the penetration now, m."""
     _, _, rate_x, rate_y = relative_motion(model, state)
     return -depth <= (abs(rate_x) + abs(rate_y)) * tick.length + LEAST_GAP
 
 
-@kernel
+@inlined
 def flight_substeps(tick: Tick, speed: float) -> int:
     """Return how many substeps a tick without contact needs."""
     return ceil(tick.length * (tick.flight_rate + tick.gyroscopic * abs(speed)) / FLIGHT_TURN)
 
 
-@kernel
+@inlined
 def contact_substeps(model: Model, tick: Tick, damping_factors: np.ndarray, state: State) -> int:
     """Return how many substeps a tick with contact needs.
 

@@ -7,7 +7,7 @@ from math import floor
 
 import numpy as np
 
-from simulator.compile import kernel
+from simulator.compile import inlined
 
 # pi/2 in two parts; the first has 33 bits, so that small multiples of it are exact.
 HALF_PI_HIGH = 1.57079632673412561417
@@ -15,7 +15,7 @@ HALF_PI_LOW = 6.07710050650619224932e-11
 TWO_OVER_PI = 0.63661977236758134308
 
 
-@kernel
+@inlined
 def sine_cosine(angle: float) -> tuple[float, float]:
     """Return sine and cosine of an angle (rad) to 1e-16 and the angle's own resolution."""
     quarter = floor(angle * TWO_OVER_PI + 0.5)
@@ -56,7 +56,7 @@ def sine_cosine(angle: float) -> tuple[float, float]:
     return in_quarter(int(quarter) & 3, sine, cosine)
 
 
-@kernel
+@inlined
 def in_quarter(quarter: int, sine: float, cosine: float) -> tuple[float, float]:
     """Turn sine and cosine by a number of quarter turns."""
     if quarter == 0:
@@ -68,7 +68,7 @@ def in_quarter(quarter: int, sine: float, cosine: float) -> tuple[float, float]:
     return -cosine, sine
 
 
-@kernel
+@inlined
 def mixed(value: np.uint64) -> np.uint64:
     """Scramble 64 bits (the finaliser of SplitMix64)."""
     value = (value ^ (value >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -76,7 +76,7 @@ def mixed(value: np.uint64) -> np.uint64:
     return value ^ (value >> np.uint64(31))
 
 
-@kernel
+@inlined
 def ones(value: np.uint64) -> np.uint64:
     """Count the ones among 64 bits."""
     value = value - ((value >> np.uint64(1)) & np.uint64(0x5555555555555555))
@@ -87,13 +87,13 @@ def ones(value: np.uint64) -> np.uint64:
     return (value * np.uint64(0x0101010101010101)) >> np.uint64(56)
 
 
-@kernel
+@inlined
 def stream_key(seed: int, stream: int) -> np.uint64:
     """Return the key of one of a seed's independent streams of noise."""
     return mixed(mixed(np.uint64(seed)) + np.uint64(stream) * np.uint64(0xD1342543DE82EF95))
 
 
-@kernel
+@inlined
 def normal_noise(key: np.uint64, counter: int) -> float:
     """Return number `counter` of a stream: mean 0, variance 1, nearly normal (excess kurtosis -0.04).
 

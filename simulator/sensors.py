@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simulator.compile import kernel
+from simulator.compile import inlined, kernel
 from simulator.instruments import Encoder, Imperfections, Probe
 from simulator.numeric import normal_noise, stream_key
 from simulator.rig import Model, RigError
@@ -180,7 +180,7 @@ def read_sensors(
     return clipped
 
 
-@kernel
+@inlined
 def read_volts(
     table: SensorTable, channel: int, signals: np.ndarray, first_sample: int, seed: int, raw: np.ndarray
 ) -> bool:
@@ -208,7 +208,7 @@ def read_volts(
     return clipped
 
 
-@kernel
+@inlined
 def read_counts(table: SensorTable, channel: int, signals: np.ndarray, raw: np.ndarray) -> None:
     """Fill one row of `raw` with an encoder's counts within the turn, or with its full turns."""
     per_turn = table.counts[channel]

@@ -4,7 +4,7 @@ from math import cos, radians, sin
 
 import numpy as np
 
-from simulator.compile import kernel
+from simulator.compile import inlined
 from simulator.numeric import sine_cosine
 from simulator.rig import Solenoid
 
@@ -21,7 +21,7 @@ def pulse_row(solenoid: Solenoid, force: float, duration: float, sample: int) ->
     return np.array([[float(sample), duration, moment * cos(angle), moment * sin(angle), force]])
 
 
-@kernel
+@inlined
 def pulse_height(pulses: np.ndarray, index: int, sample: int, offset: float, tick: float) -> float:
     """Return a pulse's height, 0 to 1, `offset` seconds after a sample; `tick` (s) divides samples."""
     elapsed = (sample - pulses[index, 0]) * tick + offset
@@ -31,7 +31,7 @@ def pulse_height(pulses: np.ndarray, index: int, sample: int, offset: float, tic
     return sine_cosine(PI * (elapsed / duration))[0]
 
 
-@kernel
+@inlined
 def solenoid_moment(pulses: np.ndarray, sample: int, offset: float, tick: float) -> tuple[float, float]:
     """Return the moment (x, y) of all pulses, N m, `offset` seconds after a sample."""
     moment_x, moment_y = 0.0, 0.0
@@ -42,7 +42,7 @@ def solenoid_moment(pulses: np.ndarray, sample: int, offset: float, tick: float)
     return moment_x, moment_y
 
 
-@kernel
+@inlined
 def solenoid_force(pulses: np.ndarray, sample: int, tick: float) -> float:
     """Return the sum of all pulses' forces at a sample, N."""
     force = 0.0
@@ -51,7 +51,7 @@ def solenoid_force(pulses: np.ndarray, sample: int, tick: float) -> float:
     return force
 
 
-@kernel
+@inlined
 def pulse_in_tick(pulses: np.ndarray, sample: int, tick: float) -> bool:
     """Tell whether any pulse acts between a sample and the next."""
     for index in range(pulses.shape[0]):

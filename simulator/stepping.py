@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simulator.compile import kernel
+from simulator.compile import inlined, kernel
 from simulator.contact import Contact, beyond_pins, contact_force, latch, penetration
 from simulator.drive import IDEAL, motor_torque, next_integral, set_point
 from simulator.dynamics import Tick, collide, contact_substeps, flight_substeps, fly, may_touch, settle
@@ -45,7 +45,7 @@ def run(
     return truth.shape[1], lost
 
 
-@kernel
+@inlined
 def step(
     model: Model,
     tick: Tick,
@@ -68,7 +68,7 @@ def step(
     return with_drive(state, speed, integral)
 
 
-@kernel
+@inlined
 def through_tick(
     model: Model,
     tick: Tick,
@@ -102,14 +102,14 @@ def through_tick(
     return state if touching else settle(tick, state)
 
 
-@kernel
+@inlined
 def with_pulses(held: Inputs, pulses: np.ndarray, sample: int, offset: float, tick: float) -> Inputs:
     """Return the inputs with the solenoids' moments `offset` seconds after a sample."""
     moment_x, moment_y = solenoid_moment(pulses, sample, offset, tick)
     return Inputs(held.torque, held.acceleration, moment_x, moment_y)
 
 
-@kernel
+@inlined
 def with_drive(state: State, speed: float, integral: float) -> State:
     """Return the state with another speed (rad/s) and another integral of the speed error (rad)."""
     return State(
@@ -128,7 +128,7 @@ def with_drive(state: State, speed: float, integral: float) -> State:
     )
 
 
-@kernel
+@inlined
 def record(
     model: Model,
     tick: Tick,
@@ -164,7 +164,7 @@ def record(
     truth[16, column] = solenoid_force(pulses, sample, tick.length)
 
 
-@kernel
+@inlined
 def sound(state: State) -> bool:
     """Tell whether every field is a finite number and the tilt is in proportion."""
     total = 0.0
@@ -173,7 +173,7 @@ def sound(state: State) -> bool:
     return total - total == 0.0 and abs(state.tilt_x) + abs(state.tilt_y) < LARGEST_TILT
 
 
-@kernel
+@inlined
 def unpacked(values: np.ndarray) -> State:
     """Return the state held in an array (12,)."""
     return State(
@@ -192,7 +192,7 @@ def unpacked(values: np.ndarray) -> State:
     )
 
 
-@kernel
+@inlined
 def pack(state: State, values: np.ndarray) -> None:
     """Write a state into an array (12,)."""
     for index, value in enumerate(state):
