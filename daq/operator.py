@@ -5,11 +5,11 @@ brings the rig to rest. It serves people's commands on the link that it listens 
 there, and sends commands and the lease's renewals on a second link, whose loss is noticed sooner.
 """
 
-import argparse
+import gc
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from queue import Empty, SimpleQueue
 from threading import Thread
@@ -79,31 +79,11 @@ class News:
         self.end("the operator was told to end")
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Run `python -m daq operate`; return its exit code."""
-    parser = argparse.ArgumentParser(
-        prog="python -m daq operate",
-        description="Hold the lease of a running rig, perform a plan on it and pass commands on, until standard "
-        "input ends or says stop.",
-    )
-    parser.add_argument(
-        "--rig", required=True, metavar="NAME|PATH", help="rig description of the running rig"
-    )
-    parser.add_argument("--plan", metavar="NAME|PATH", help="plan to perform (default: wait for commands)")
-    options = parser.parse_args(arguments)
-    try:
-        operate(options.rig, options.plan)
-    except (RuntimeError, ValueError) as error:
-        print(f"operator: {error}", file=sys.stderr, flush=True)
-        return 2
-    return 0
-
-
 def operate(name_or_path: str, plan_name: str | None = None) -> None:
     """Operate a rig until standard input ends.
 
     Args:
-        name_or_path: rig description; where it names no ports, those of the running rig of its name are taken.
+        name_or_path: rig description; without ports in it, those of the running rig are taken.
         plan_name: name or path of the plan to perform; None waits for commands.
 
     Raises:
@@ -136,6 +116,8 @@ def _run(rig: Rig, plan: Plan | None, data: Link, control: Link) -> None:
     news.listen_to_parent()
     for each in (data, control):
         each.announce(keys.alive(rig.name, PROCESS))
+    gc.collect()
+    gc.freeze()
     try:
         _loop(operation, news, lease, status)
     finally:

@@ -34,7 +34,7 @@ from daq.settings import (
 from simulator.rig import Model, Solenoid, model_from_mapping
 from simulator.validation import NAME, RigError, nearest, tuple_at
 
-__all__ = ["Rig", "RigError", "load_rig", "rig_from_text", "shipped_rigs", "with_ports"]
+__all__ = ["Rig", "RigError", "load_rig", "rig_from_text", "shipped_rigs", "with_overrides", "with_ports"]
 
 MODEL_TABLES = Model._fields
 TABLES = (
@@ -127,12 +127,16 @@ def rig_from_text(text: str, source: str = "rig description") -> Rig:
     return _rig(toml_source.parse(text, source), source)
 
 
+def with_overrides(rig: Rig, overrides: Sequence[str]) -> Rig:
+    """Return the rig with `table.key=value` settings applied. Raises `RigError`."""
+    tables = toml_source.override(toml_source.parse(rig.toml, rig.name), overrides)
+    return _rig(tables, f"{rig.name} with --set {' --set '.join(overrides)}")
+
+
 def with_ports(rig: Rig, ports: Sequence[int]) -> Rig:
     """Return the rig with the TCP ports of daq, control, twin and operator, in that order."""
-    daq, control, twin, operator = ports
-    link = {"daq": daq, "control": control, "twin": twin, "operator": operator}
-    tables = toml_source.merge(toml_source.parse(rig.toml, rig.name), {"link": link})
-    return _rig(tables, rig.name)
+    names = ("daq", "control", "twin", "operator")
+    return with_overrides(rig, [f"link.{name}={port}" for name, port in zip(names, ports, strict=True)])
 
 
 def _rig(tables: Mapping[str, Any], source: str) -> Rig:

@@ -1,0 +1,148 @@
+"""`rigtwin plan ...`: list, show and check test plans."""
+
+import argparse
+import json
+from typing import TYPE_CHECKING, NamedTuple
+
+from rigtwin.live import add_rig_options, rig_of
+
+if TYPE_CHECKING:
+    from daq.plan import Plan
+    from daq.rig import Rig
+
+
+class Peaks(NamedTuple):
+    """What a plan comes to on the rig's model."""
+
+    samples: int
+    radius: float  # m, at the backup bearing
+    force: float  # N, resultant of the transducers
+    speed_hz: float
+    aborted: str  # why the plan was cut short; empty when it was not
+
+
+def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add `plan` to the command line."""
+    parser = commands.add_parser(
+        "plan",
+        help="repeatable tests: list, show, check",
+        description="A plan says what a rig shall do, step by step, in one TOML file.",
+    )
+    verbs = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
+    for name, run, what in (
+        ("list", run_list, "the plans that come with rigtwin"),
+        ("show", run_show, "print the steps of a plan"),
+        ("check", run_check, "check a plan against a rig and perform it on the rig's model"),
+    ):
+        verb = verbs.add_parser(name, help=what)
+        if name != "list":
+            verb.add_argument("plan", metavar="NAME|PATH", help="shipped name or TOML file")
+        add_rig_options(verb)
+        verb.add_argument("--json", action="store_true", help="print JSON")
+        verb.set_defaults(run=run)
+
+
+def run_list(options: argparse.Namespace) -> int:
+    """Print the shipped plans with their durations on the rig."""
+    from daq.plan import load_plan, shipped_plans
+
+    rig = rig_of(options)
+    plans = [load_plan(name, rig) for name in shipped_plans()]
+    if options.json:
+        print(json.dumps([_facts(plan, rig) for plan in plans]))
+        return 0
+    for plan in plans:
+        print(f"{plan.name:16} {plan.expected_duration(rig):5.0f} s  {plan.description}")
+    return 0
+
+
+def _facts(plan: "Plan", rig: "Rig") -> dict[str, object]:
+    """What is known of a plan without performing it."""
+    return {
+        "name": plan.name,
+        "description": plan.description,
+        "steps": len(plan.steps),
+        "expected_duration": plan.expected_duration(rig),
+    }
+
+
+def run_show(options: argparse.Namespace) -> int:
+    """Print each step with the time at which it begins."""
+    from daq.plan import PlanRunner, load_plan, sentence
+
+    rig = rig_of(options)
+    plan = load_plan(options.plan, rig)
+    runner, now, rows = PlanRunner(plan, rig), 0.0, []
+    for step in plan.steps:
+        rows.append({"begins": now, "does": sentence(step)})
+        now += runner.take(step)
+    if options.json:
+        print(json.dumps(_facts(plan, rig) | {"steps": rows}))
+        return 0
+    print(f"{plan.name}: {plan.description}")
+    for number, row in enumerate(rows, 1):
+        print(f"{number:4}  {row['begins']:7.2f} s  {row['does']}")
+    print(f"      {now:7.2f} s  end")
+    return 0
+
+
+def run_check(options: argparse.Namespace) -> int:
+    """Check a plan, and perform it on the model; return 1 when it is refused or trips the limits."""
+    from daq.plan import PlanError, load_plan
+    from daq.toml_source import find
+
+    rig = rig_of(options)
+    find(options.plan, "plan")
+    try:
+        plan = load_plan(options.plan, rig)
+    except PlanError as error:
+        print(json.dumps({"valid": False, "error": str(error)}) if options.json else error)
+        return 1
+    peaks = perform_on_model(rig, plan) if rig.model else None
+    if options.json:
+        facts = {"valid": True, **_facts(plan, rig), "model": peaks._asdict() if peaks else None}
+        print(json.dumps(facts))
+    else:
+        print(f"{plan.name} is valid on {rig.name}: about {plan.expected_duration(rig):.1f} s")
+        print(_said(peaks, rig))
+    return 1 if peaks and peaks.aborted else 0
+
+
+def perform_on_model(rig: "Rig", plan: "Plan") -> Peaks:
+    """Perform a plan on the rig's model as the live daq would, and return what it comes to."""
+
+    from daq import keys
+    from daq.messages_pb2 import Summary
+    from daq.offline import perform
+    from daq.rig import with_overrides
+
+    emulated = with_overrides(rig, ["acquisition.backend=emulator"])
+    summaries: list[Summary] = []
+    key = keys.summary(rig.name)
+
+    def note(topic: str, payload: bytes) -> None:
+        if topic == key:
+            summaries.append(Summary.FromString(payload))
+
+    outcome = perform(emulated, plan, note, run="check", t0_ns=0)
+    return Peaks(
+        outcome.samples,
+        max(summary.radius_maximum for summary in summaries),
+        max(summary.force_maximum for summary in summaries),
+        max(summary.speed_hz for summary in summaries),
+        outcome.aborted,
+    )
+
+
+def _said(peaks: Peaks | None, rig: "Rig") -> str:
+    """Say what a plan comes to on the model."""
+    if peaks is None:
+        return "the rig has no model to perform it on"
+    limits = rig.limits
+    reached = (
+        f"on the model it reaches {1e6 * peaks.radius:.0f} µm of {1e6 * limits.displacement.trip:.0f} µm, "
+        f"{peaks.force:.0f} N of {limits.force.trip:.0f} N, {peaks.speed_hz:.1f} Hz"
+    )
+    return (
+        f"{reached}; it does not complete: {peaks.aborted}" if peaks.aborted else f"{reached}; no limit trips"
+    )
