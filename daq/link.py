@@ -100,6 +100,11 @@ class Publisher(Declaration):
         """
         self._send(payload, None)
 
+    @property
+    def has_subscribers(self) -> bool:
+        """Whether anybody subscribes to the key now."""
+        return not self.closed and bool(self._entities[0].matching_status.matching)
+
     def _send(self, payload: bytes, stamp: bytes | None) -> None:
         try:
             self._entities[0].put(payload, attachment=stamp)

@@ -1,0 +1,109 @@
+"""`python -m replay play FILE` publishes a recording in the daq's place."""
+
+import argparse
+import math
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from threading import Event as Flag
+from threading import Timer
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from daq.rig import Rig
+
+STUCK = 15.0  # s after which a player that was told to end gives up on a subscriber that takes nothing
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the player; return its exit code, 2 when it cannot do its work."""
+    options = parser().parse_args(arguments)
+    try:
+        return options.run_process(options)
+    except (RuntimeError, ValueError) as error:
+        print(f"replay: {error}", file=sys.stderr, flush=True)
+        return 2
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    made = argparse.ArgumentParser(prog="python -m replay", description=__doc__)
+    processes = made.add_subparsers(required=True, metavar="PROCESS")
+    play = processes.add_parser(
+        "play", help="publish a recording until its end, or until standard input ends"
+    )
+    play.add_argument("file", type=Path, metavar="FILE", help="recording; its continuations follow it")
+    play.add_argument(
+        "--rig",
+        metavar="NAME|PATH",
+        help="rig description with the ports (default: the recording's, free ports)",
+    )
+    play.add_argument(
+        "--rate", type=rate, default=1.0, metavar="N|max", help="times real time, or as fast as it is taken"
+    )
+    play.add_argument("--recorded-twin", action="store_true", help="also what the twin said")
+    play.add_argument(
+        "--wait-for",
+        default="",
+        metavar="NAMES",
+        help="processes that must be there before the first message, separated by commas",
+    )
+    play.set_defaults(run_process=_play)
+    return made
+
+
+def rate(text: str) -> float:
+    """Return times real time; infinite for `max`."""
+    try:
+        times = math.inf if text == "max" else float(text)
+    except ValueError:
+        times = math.nan
+    if not times > 0.0:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number above 0, or max")
+    return times
+
+
+def _play(options: argparse.Namespace) -> int:
+    from daq.parent import follow_parent
+    from replay.player import play
+
+    told_to_end = Flag()
+
+    def end() -> None:
+        told_to_end.set()
+        giving_up = Timer(STUCK, os._exit, (1,))
+        giving_up.daemon = True
+        giving_up.start()
+
+    rig = _rig(options)
+    follow_parent(end)
+    samples = play(
+        rig,
+        options.file,
+        options.rate,
+        recorded_twin=options.recorded_twin,
+        wait_for=[name for name in options.wait_for.split(",") if name],
+        told_to_end=told_to_end,
+    )
+    print(f"replay: {samples} samples played", flush=True)
+    return 0
+
+
+def _rig(options: argparse.Namespace) -> "Rig":
+    """Return the rig with ports, free ones where its description leaves them open."""
+    from daq.link import free_ports
+    from daq.recording import Recording
+    from daq.rig import load_rig, rig_from_text, with_ports
+
+    if options.rig:
+        rig = load_rig(options.rig)
+    else:
+        with Recording(options.file) as recording:
+            rig = rig_from_text(recording.rig_toml, str(options.file))
+    given = [rig.link.daq, rig.link.control, rig.link.twin, rig.link.operator]
+    return with_ports(rig, [port or free for port, free in zip(given, free_ports(4), strict=True)])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,199 @@
+"""Tells what is in a recording: as a plain dictionary, as text, and in one line."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from daq import keys
+from daq.messages import Series
+from daq.messages_pb2 import Event, Severity
+from daq.recording import Check, Recording, parts
+from daq.rig import rig_from_text
+
+__all__ = ["brief", "info", "parts", "text"]
+
+EVENTS = 20  # shown as text
+GAPS = 10
+
+
+class Peaks:
+    """Smallest and largest value of each channel of the blocks, in the channels' units."""
+
+    def __init__(self, rig: str) -> None:
+        self._key = keys.block(rig)
+        self.names: tuple[str, ...] = ()
+        self.units: tuple[str, ...] = ()
+        self._low = self._high = np.empty(0, np.float32)
+
+    def take(self, key: str, series: Series) -> None:
+        """Take in a series; only blocks count."""
+        if key != self._key or not series.samples.size:
+            return
+        low, high = series.samples.min(axis=1), series.samples.max(axis=1)
+        if series.names != self.names:
+            self.names, self.units = series.names, series.units
+            self._low, self._high = low, high
+        self._low, self._high = np.fmin(self._low, low), np.fmax(self._high, high)
+
+    def rows(self, toml: str) -> list[dict[str, Any]]:
+        """Return name, unit, minimum, maximum and how people want to see it, of each channel."""
+        display = display_units(toml)
+        columns = zip(self.names, self.units, self._low.tolist(), self._high.tolist(), strict=True)
+        return [
+            {"name": name, "unit": unit, "minimum": low, "maximum": high, **display(name, unit)}
+            for name, unit, low, high in columns
+        ]
+
+
+def info(path: str | Path) -> dict[str, Any]:
+    """Return what is in a recording, its account made anew. SI units; times in s since sample 0.
+
+    Raises:
+        RecordingError: no such file, or no recording.
+    """
+    with Recording(path) as recording:
+        description = recording.description
+        peaks = Peaks(description.rig)
+        check = recording.check(peaks.take)
+        account = check.certificate
+        rate = description.rate
+        return {
+            "file": str(recording.path),
+            "bytes": recording.path.stat().st_size,
+            "rig": description.rig,
+            "mode": description.mode,
+            "run": description.run,
+            "part": recording.part,
+            "continuations": [str(part) for part in parts(recording.path)[1:]],
+            "start": utc(description.t0_ns),
+            "start_uncertainty": description.t0_uncertainty_ns / 1e9,
+            "start_source": description.t0_source,
+            "rate": rate,
+            "first_sample": account.first_sample,
+            "samples": account.received,
+            "lost": account.lost,
+            "duration": account.expected / rate,
+            "gaps": [list(gap) for gap in account.gaps],
+            "late_blocks": account.late,
+            "channels": peaks.rows(description.toml),
+            "events": [_event(event, rate) for event in recording.events()],
+            "messages": account.messages,
+            "certificate": _certificate(recording, check),
+            "digests": {"file": account.file_digest, "signals": account.signal_digests},
+            "versions": dict(description.versions),
+        }
+
+
+def text(facts: dict[str, Any]) -> str:
+    """Return what `info` found for people to read, in the channels' display units."""
+    accuracy = f"{facts['start_uncertainty'] * 1e3:.3g} ms ({facts['start_source']})"
+    lines = [
+        f"file         {facts['file']} ({facts['bytes'] / 1e6:.1f} MB)",
+        f"rig          {facts['rig']}, {facts['mode'] or 'mode not known'}, run {facts['run']}{_part(facts)}",
+        f"start        {facts['start']} within {accuracy}",
+        f"duration     {facts['duration']:.3f} s at {facts['rate']:g} Hz",
+        f"samples      {facts['samples']} of each channel, {facts['lost']} lost",
+        *_gap_lines(facts),
+        f"late blocks  {facts['late_blocks']}",
+        f"certificate  {_verdict(facts)}",
+        f"digest       {facts['digests']['file']}",
+        "",
+        f"{'channel':24}{'minimum':>14}{'maximum':>14}",
+        *map(_channel_line, facts["channels"]),
+        "",
+        *_event_lines(facts),
+    ]
+    return "\n".join(lines)
+
+
+def brief(path: str | Path) -> str:
+    """Return a recording in one line."""
+    facts = info(path)
+    return (
+        f"{facts['file']}: {facts['duration']:.1f} s of {facts['rig']}, {facts['samples']} samples, "
+        f"{facts['lost']} lost, certificate {_verdict(facts)}"
+    )
+
+
+def display_units(toml: str) -> Callable[[str, str], dict[str, Any]]:
+    """Return a function that gives a channel's display unit and how many of it make one SI unit."""
+    known: dict[str, tuple[str, float]] = {}
+    with suppress(ValueError):  # a description that this version does not understand: SI units are shown
+        known = {each.name: (each.display_unit, each.display_scale) for each in rig_from_text(toml).channels}
+
+    def display(name: str, unit: str) -> dict[str, Any]:
+        display_unit, scale = known.get(name, (unit, 1.0))
+        return {"display_unit": display_unit, "display_scale": scale}
+
+    return display
+
+
+def utc(ns: int) -> str:
+    """Return ns since 1970 as UTC in ISO 8601, to the microsecond."""
+    return datetime.fromtimestamp(ns // 10**9, UTC).replace(microsecond=ns % 10**9 // 1000).isoformat()
+
+
+def _certificate(recording: Recording, check: Check) -> dict[str, Any]:
+    stored = recording.certificate
+    return {
+        "verdict": check.verdict,
+        "reason": check.reason,
+        "expected": check.certificate.expected,
+        "received": check.certificate.received,
+        "clean": check.certificate.clean,
+        "closed": recording.complete,
+        "fingerprint": stored.fingerprint if stored else {},
+    }
+
+
+def _event(event: Event, rate: float) -> dict[str, Any]:
+    return {
+        "time": event.sample / rate,
+        "sample": event.sample,
+        "severity": Severity.Name(event.severity),
+        "source": event.source,
+        "kind": event.kind,
+        "text": event.text,
+        "details": dict(event.details),
+    }
+
+
+def _verdict(facts: dict[str, Any]) -> str:
+    verdict, reason = facts["certificate"]["verdict"], facts["certificate"]["reason"]
+    return f"{verdict}: {reason}" if reason else verdict
+
+
+def _part(facts: dict[str, Any]) -> str:
+    names = [Path(name).name for name in facts["continuations"]]
+    return (f", part {facts['part']}" if facts["part"] > 1 else "") + (
+        f", goes on in {', '.join(names)}" if names else ""
+    )
+
+
+def _gap_lines(facts: dict[str, Any]) -> list[str]:
+    gaps = facts["gaps"]
+    lines = [f"gap          samples {first} to {last}" for first, last in gaps[:GAPS]]
+    return [*lines, f"             and {len(gaps) - GAPS} more gaps"] if len(gaps) > GAPS else lines
+
+
+def _channel_line(row: dict[str, Any]) -> str:
+    low, high = row["minimum"] * row["display_scale"], row["maximum"] * row["display_scale"]
+    return f"{row['name']:24}{low:14.6g}{high:14.6g} {row['display_unit']}"
+
+
+def _event_lines(facts: dict[str, Any]) -> list[str]:
+    events = facts["events"]
+    lines = [
+        f"{event['time']:10.3f} s  {event['source']:9}{event['kind']:12}{event['text']}"
+        for event in events[:EVENTS]
+    ]
+    more = (
+        [f"             and {len(events) - EVENTS} more events; --json gives all"]
+        if len(events) > EVENTS
+        else []
+    )
+    return [f"{len(events)} events", *lines, *more]
