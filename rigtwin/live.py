@@ -129,24 +129,22 @@ def start(
     from rigtwin.crew import Crew
     from rigtwin.supervisor import Supervisor, write_rig
 
-    crew = Crew(folder)
+    supervisor = Supervisor(rig, Crew(folder), essential=["daq"], recording=path is not None)
+    greet(supervisor, rig, plan, path)
     toml = write_rig(rig, folder)
     waits = ["operator"]
-    restart = {"operator": lambda: ["daq", "operate", "--rig", toml]}
     if path is not None:
-        crew.start("recorder", "twin", "record", "--rig", toml, "--file", str(path))
+        status = supervisor.monitor.endpoint
+        recorder = ["twin", "record", "--rig", toml, "--file", str(path), "--connect", status]
+        supervisor.add("recorder", recorder, again=lambda: [*recorder, *next_part_options(path)])
         waits.append("recorder")
-        restart["recorder"] = lambda: next_recorder(toml, path)
     if rig.twin.model != "none":
-        twin = ["twin", "observe", "--rig", toml]
-        crew.start("twin", *twin)
+        supervisor.add("twin", ["twin", "observe", "--rig", toml])
         waits.append("twin")
-        restart["twin"] = lambda: twin
-    crew.start("daq", "daq", "acquire", "--rig", toml, "--wait-for", ",".join(waits))
+    supervisor.add("daq", ["daq", "acquire", "--rig", toml, "--wait-for", ",".join(waits)])
+    operator = ["daq", "operate", "--rig", toml]
     planned = ["--plan", options.plan or rig.plan] if plan else []
-    crew.start("operator", "daq", "operate", "--rig", toml, *planned)
-    supervisor = Supervisor(rig, crew, essential=["daq"], restart=restart, recording=path is not None)
-    greet(supervisor, rig, plan, path)
+    supervisor.add("operator", [*operator, *planned], again=lambda: operator)  # nothing moves by itself
     if options.view != "none":
         start_display(supervisor, options.view, toml)
     return supervisor
@@ -189,12 +187,12 @@ def start_display(supervisor: "Supervisor", view: str, toml: str) -> None:
         supervisor.announce("display", "http://", "watch it at ")
 
 
-def next_recorder(toml: str, path: Path) -> list[str]:
-    """Arguments of a recorder that goes on where the one before it ended."""
+def next_part_options(path: Path) -> list[str]:
+    """Options of a recorder that goes on where the one before it ended."""
     from twin.recorder import next_part
 
-    part_path, part, after = next_part(path)
-    return ["twin", "record", "--rig", toml, "--file", str(path), "--part", str(part), "--after", str(after)]
+    _path, part, after = next_part(path)
+    return ["--part", str(part), "--after", str(after)]
 
 
 def end_condition(

@@ -4,7 +4,7 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from daq import keys
-from daq.link import Inbox, Link
+from daq.link import Inbox, Link, free_ports
 from daq.messages_pb2 import Event, Status, Summary, TwinSummary
 from daq.rig import Rig
 
@@ -43,7 +43,9 @@ class Monitor:
             keys.twin_summary(self.rig.name): self._on_twin_summary,
         }
         link = self.rig.link
-        self._link = Link(connect=[link.endpoint(name) for name in ("daq", "twin", "operator")])
+        self.endpoint = f"tcp/{link.host}:{free_ports(1)[0]}"  # where the recorder tells how it is
+        publishers = [link.endpoint(name) for name in ("daq", "twin", "operator")]
+        self._link = Link(listen=[self.endpoint], connect=publishers)
         name = self.rig.name
         for key in (
             keys.summary(name),

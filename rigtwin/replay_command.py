@@ -63,18 +63,17 @@ def start(rig: "Rig", options: argparse.Namespace, folder: Path) -> "Supervisor"
     from rigtwin.crew import Crew
     from rigtwin.supervisor import Supervisor, write_rig
 
-    crew = Crew(folder)
+    supervisor = Supervisor(rig, Crew(folder), essential=["player"], recording=False)
+    supervisor.screen.line(f"REPLAY of {options.file} ({rig.name}) at {options.rate} times real time")
     toml = write_rig(rig, folder)
     waits, recorded = [], ["--recorded-twin"] if options.recorded_twin else []
     if rig.twin.model != "none" and not options.recorded_twin:
-        crew.start("twin", "twin", "observe", "--rig", toml)
+        supervisor.add("twin", ["twin", "observe", "--rig", toml])
         waits.append("twin")
     if options.view != "none":
         waits.append("display")
-    play = ["replay", "play", str(options.file), "--rig", toml, "--rate", options.rate, *recorded]
-    crew.start("player", *play, *(["--wait-for", ",".join(waits)] if waits else []))
-    supervisor = Supervisor(rig, crew, essential=["player"], restart={}, recording=False)
-    supervisor.screen.line(f"REPLAY of {options.file} ({rig.name}) at {options.rate} times real time")
     if options.view != "none":
         start_display(supervisor, options.view, toml)
+    play = ["replay", "play", str(options.file), "--rig", toml, "--rate", options.rate, *recorded]
+    supervisor.add("player", [*play, *(["--wait-for", ",".join(waits)] if waits else [])])
     return supervisor

@@ -19,8 +19,8 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser = commands.add_parser(
         "simulate",
         help="perform a plan on the emulated rig, faster than real time",
-        description="Perform a plan on the emulated rig, through acquisition, protection and twin, faster than "
-        "real time and without a network. The recording is like a live one.",
+        description="Perform a plan on the emulated rig, through acquisition, protection and twin, faster "
+        "than real time and without a network. The recording is like a live one.",
     )
     parser.add_argument("plan", metavar="PLAN", help="shipped name or TOML file; see `rigtwin plan list`")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="recording to write")
@@ -31,11 +31,11 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
 
 def run(options: argparse.Namespace) -> int:
     """Simulate and say what came of it; return 1 when the plan was cut short."""
-    from replay.info import brief
     from rich.console import Console
     from rich.progress import Progress
 
     from daq.plan import load_plan
+    from replay.info import brief
 
     rig = rig_of(options)
     plan = load_plan(options.plan, rig)
@@ -82,13 +82,12 @@ def simulate(
         RecordingError: the file cannot be written.
         BackendError: the rig is not an emulated one.
     """
-    from twin.service import Twin
-
     from daq import keys
     from daq.describe import describe
     from daq.offline import perform
     from daq.recording import RecordingWriter
     from daq.timing import StartTime
+    from twin.service import Twin
 
     start = StartTime(time.time_ns(), 0, "simulated")
     run_id = f"{rig.name}-simulated-{start.t0_ns}"

@@ -39,8 +39,7 @@ class StopRequest:
 class Supervisor:
     """Runs a crew until the run is over.
 
-    `restart` maps a child's name to a function that returns the arguments with which to start it anew;
-    a child without one is not replaced. `essential` children end the run when they end.
+    `essential` children end the run when they end; the others are started anew.
     """
 
     def __init__(
@@ -49,7 +48,6 @@ class Supervisor:
         crew: Crew,
         *,
         essential: Sequence[str],
-        restart: dict[str, Callable[[], Sequence[str]]],
         recording: bool,
         output: StatusLine | None = None,
     ) -> None:
@@ -59,16 +57,18 @@ class Supervisor:
         self.monitor = Monitor(rig)
         self.failed = ""  # why the run did not go as planned
         self._essential = set(essential)
-        self._restart = restart
+        self._again: dict[str, Callable[[], Sequence[str]]] = {}
         self._restarts: dict[str, int] = {}
         self._announcements: dict[str, tuple[str, str]] = {}
         self._recording = recording
         self._gap = rig.model.backup_bearing.clearance if rig.model else None
 
-    def add(self, name: str, arguments: Sequence[str]) -> None:
-        """Start one more child, replaced whenever it ends."""
+    def add(
+        self, name: str, arguments: Sequence[str], again: Callable[[], Sequence[str]] | None = None
+    ) -> None:
+        """Start one more child; `again` returns the arguments to start it anew, the same ones if None."""
         self.crew.start(name, *arguments)
-        self._restart[name] = lambda: arguments
+        self._again[name] = again or (lambda: arguments)
 
     def announce(self, name: str, start: str, text: str) -> None:
         """Print `text` and what child `name` says from `start` on, as soon as it says it."""
@@ -125,17 +125,17 @@ class Supervisor:
                 go_on = False
                 if child.exit_code != 0:
                     self._fail(explain(child))
-            elif child.exit_code != 0 or child.name in self._restart:
+            else:
                 self._replace(child)
         return go_on
 
     def _replace(self, child: Child) -> None:
         count = self._restarts[child.name] = self._restarts.get(child.name, 0) + 1
-        if child.name not in self._restart or count > MOST_RESTARTS:
+        if count > MOST_RESTARTS:
             self._fail(explain(child))
             return
         self.screen.line(f"{explain(child)}; starting it again")
-        self.crew.start(child.name, *self._restart[child.name]())
+        self.crew.start(child.name, *self._again[child.name]())
 
     def _fail(self, text: str) -> None:
         self.failed = self.failed or text
