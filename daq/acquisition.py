@@ -137,22 +137,17 @@ class Acquisition:
 
     def serve(self, command: Command, reply: Reply = lambda answer: None) -> Answer:
         """Judge and carry out a command: the answer goes to `reply` first, then the event is published."""
+        if self.start_time is None or self.ended:
+            answer = Answer(text="the run has ended" if self.ended else "the run has not started yet")
+            reply(answer)
+            return answer
         sample = self._backend.clock()
-        details: dict[str, object] = {"who": command.who, **command.values, **command.texts}
         try:
             answer = self._carry_out(command, sample)
         except (CommandError, PastSampleError) as error:
-            answer = Answer(accepted=False, text=str(error), sample=sample)
+            answer = Answer(text=str(error), sample=sample)
         reply(answer)
-        details |= {"answer": answer.text, "effect_sample": answer.sample}
-        said = f"{command.who or 'someone'}: {answer.text}"
-        if not answer.accepted:
-            refused = f"{command.name} refused to {command.who or 'someone'}: {answer.text}"
-            self._events.add("refused", refused, sample, WARNING, details | {"command": command.name})
-        elif command.name == "trip":
-            self._events.add("trip", said, sample, ALARM, details | {"cause": MANUAL})
-        else:
-            self._events.add(command.name, said, sample, INFO, details)
+        self._note_command(command, answer, sample)
         return answer
 
     def renew(self, lease: str) -> None:
@@ -229,8 +224,6 @@ class Acquisition:
 
     def _carry_out(self, command: Command, sample: int) -> Answer:
         """Perform an accepted command. Raises `CommandError` or `PastSampleError` when it is refused."""
-        if self.start_time is None:
-            raise CommandError("the run has not started yet")
         decision = self.commands.decide(command, Situation(sample, self.first_out, self.ending))
         if command.name == "reset":
             self._reset()
@@ -243,6 +236,19 @@ class Acquisition:
             manual = protection.Trip(MANUAL, sample, decision.text)
             self._protection = protection.latch(self._protection, manual)
         return Answer(accepted=True, text=decision.text, sample=sample, lease=decision.lease)
+
+    def _note_command(self, command: Command, answer: Answer, sample: int) -> None:
+        """Publish a command with who asked for what and the answer."""
+        who = command.who or "someone"
+        details: dict[str, object] = {"who": who, **command.values, **command.texts}
+        details |= {"answer": answer.text, "effect_sample": answer.sample}
+        if not answer.accepted:
+            text = f"{command.name} refused to {who}: {answer.text}"
+            self._events.add("refused", text, sample, WARNING, details | {"command": command.name})
+        elif command.name == "trip":
+            self._events.add("trip", f"{who}: {answer.text}", sample, ALARM, details | {"cause": MANUAL})
+        else:
+            self._events.add(command.name, f"{who}: {answer.text}", sample, INFO, details)
 
     def _reset(self) -> None:
         state, refused = protection.reset(self._protection, self._guard)

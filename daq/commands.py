@@ -38,6 +38,8 @@ TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "mark": ((), ("text",)),
 }
 """The commands, each with the numbers and the texts that it takes."""
+MOVING = ("arm", "speed", "hit", "reset")
+"""The commands that let the rig move, which the end of a run forbids."""
 
 
 class CommandError(ValueError):
@@ -108,7 +110,7 @@ class Commands:
             if key not in (*numbers, *texts):
                 takes = nearest(key, (*numbers, *texts), "it takes") or "; it takes no values"
                 raise CommandError(f"{command.name} does not take {key}{takes}")
-        if now.ending and command.name != "mark":
+        if now.ending and command.name in MOVING:
             raise CommandError("the run is ending: nothing moves any more")
         return self._rules[command.name](command, now)
 
@@ -228,7 +230,7 @@ class Commands:
         wanted = command.values["at_sample"]
         if not (isfinite(wanted) and now.sample < wanted <= latest):
             raise CommandError(
-                f"at_sample must be {now.sample + 1} to {latest:.0f}, not {wanted:g}: now to 10 s ahead"
+                f"at_sample must be {now.sample + 1} to {latest:.0f}, not {wanted:.0f}: now to 10 s ahead"
             )
         return round(wanted)
 

@@ -52,12 +52,14 @@ class BackendConformance(ABC):
         backend.close()
 
     def test_tells_what_it_can_before_it_is_opened(self) -> None:
+        """A new backend tells its capabilities, and they include the rig's rate."""
         backend = self.new_backend()
         assert isinstance(backend, Backend)
         lowest, highest = backend.capabilities.rates
         assert lowest <= self.rig.acquisition.rate <= highest
 
     def test_close_may_come_at_any_time_and_twice(self) -> None:
+        """`close` does no harm, unopened, sampling or closed."""
         backend = self.new_backend()
         backend.close()
         backend = self.new_backend()
@@ -67,6 +69,7 @@ class BackendConformance(ABC):
         backend.close()
 
     def test_reading_or_writing_before_start_is_refused(self) -> None:
+        """A device that does not sample raises `BackendError`."""
         backend = self.new_backend()
         with pytest.raises(BackendError):
             backend.read(np.empty((len(self.rig.channels), 1)))
@@ -74,17 +77,20 @@ class BackendConformance(ABC):
             backend.write(RestOutput(RAMP))
 
     def test_samples_follow_one_another_from_zero(self, backend: Backend) -> None:
+        """No sample is missing, none comes twice, all are numbers."""
         samples = self.collect(backend, 2000)
         assert samples.shape == (len(self.rig.channels), 2000)
         assert np.isfinite(samples).all()
 
     def test_raw_values_are_within_the_ranges(self, backend: Backend) -> None:
+        """Raw readings are what the inputs can read."""
         samples = self.collect(backend, 500)
         for channel, values in zip(self.rig.channels, samples, strict=True):
             assert min(channel.range) <= values.min() <= values.max() <= max(channel.range), channel.name
 
     @pytest.mark.parametrize("size", [1, 7, 50, 250])
     def test_fills_no_more_than_it_says(self, backend: Backend, size: int) -> None:
+        """A reading fills as many columns as it says and no others."""
         out = np.full((len(self.rig.channels), size), np.nan)
 
         def read() -> bool:
@@ -97,6 +103,7 @@ class BackendConformance(ABC):
         self.until(read)
 
     def test_the_clock_never_goes_back_and_covers_what_was_read(self, backend: Backend) -> None:
+        """`clock` grows, and no sample is read before it was taken."""
         out = np.empty((len(self.rig.channels), 50))
         before, read = backend.clock(), 0
 
@@ -113,6 +120,7 @@ class BackendConformance(ABC):
         self.until(advance)
 
     def test_a_paced_clock_keeps_the_rate(self, backend: Backend) -> None:
+        """The device's clock agrees with the host's within 2 percent."""
         if not backend.capabilities.paced:
             pytest.skip("the device is not paced")
         rate = self.rig.acquisition.rate
@@ -123,6 +131,7 @@ class BackendConformance(ABC):
         assert now - first <= 1.02 * rate * (late_now - early) + 0.02 * rate
 
     def test_an_output_takes_effect_where_it_says(self, backend: Backend) -> None:
+        """An output shows from the sample that `write` returned, not before."""
         row = self.output_row(backend)
         before = backend.clock()
         sample = backend.write(SpeedOutput(SPEED, RAMP))
@@ -132,6 +141,7 @@ class BackendConformance(ABC):
         assert commands[-1] != commands[0]
 
     def test_a_scheduled_output_takes_effect_exactly_there(self, backend: Backend) -> None:
+        """An output with `at_sample` shows there, to within 100 samples."""
         row = self.output_row(backend)
         if not backend.capabilities.hardware_timing:
             pytest.skip("the device has no hardware timing")
@@ -142,12 +152,14 @@ class BackendConformance(ABC):
         assert np.ptp(commands[wanted : wanted + 100]) > 0.0
 
     def test_a_schedule_in_the_past_is_refused(self, backend: Backend) -> None:
+        """A sample that has passed raises `PastSampleError`."""
         self.output_row(backend)
         self.collect(backend, 100)
         with pytest.raises(PastSampleError):
             backend.write(SpeedOutput(SPEED, RAMP), 10)
 
     def test_rest_overrides_what_was_written_before(self, backend: Backend) -> None:
+        """After a `RestOutput` nothing earlier moves the rig, schedules included."""
         row = self.output_row(backend)
         backend.write(SpeedOutput(SPEED, RAMP))
         if backend.capabilities.hardware_timing:
@@ -158,6 +170,7 @@ class BackendConformance(ABC):
         assert commands[-1] == commands[0]
 
     def test_starts_again_at_zero_after_a_stop(self, backend: Backend) -> None:
+        """A second `start` counts from 0 without a gap."""
         self.collect(backend, 500)
         backend.stop()
         backend.start()

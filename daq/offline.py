@@ -1,16 +1,18 @@
 """A plan performed without a network, as fast as the computer goes: what `simulate` and `plan check` run."""
 
+from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
+from daq import keys
 from daq.acquisition import Acquisition
 from daq.backend import make_backend
 from daq.events import Publish
-from daq.messages_pb2 import Answer, Command
-from daq.plan import Action, Plan, PlanRunner
+from daq.messages_pb2 import Event, Summary
+from daq.operation import Operation
+from daq.plan import Plan
 from daq.rig import Rig
 
-WHO = "plan"
 REST_TIME = 15.0
 """s that the rotor is given to come to rest at the end."""
 
@@ -29,58 +31,77 @@ def perform(
     *,
     run: str,
     t0_ns: int,
-    begun: Callable[[Acquisition], object] = lambda acquisition: None,
     progress: Callable[[int], object] = lambda sample: None,
 ) -> Outcome:
-    """Perform a plan on the rig's emulator and publish what the live daq would.
+    """Perform a plan on the rig's model and publish what daq and operator would publish live.
 
     Args:
-        rig: whose backend must be the emulator.
+        rig: with a model, which the emulator stands for whatever the rig's own backend is.
         plan: what to do.
         publish: takes key and payload of each message, in order.
         run: run id.
         t0_ns: UTC given to sample 0, ns since 1970; equal inputs then give equal bytes.
-        begun: called once when sample 0 is about to be read, before any block is published.
         progress: called with the sample index after each read.
+
+    Raises:
+        RigError: the rig has no model.
+        BackendError: the model cannot be simulated.
     """
-    backend = make_backend(rig.acquisition.backend, paced=False)
+    backend = make_backend("emulator", paced=False)
     backend.open(rig)
     try:
-        acquisition = Acquisition(rig, backend, publish, run=run, t0_ns=t0_ns)
-        acquisition.begin()
-        begun(acquisition)
-        aborted = _perform_steps(acquisition, PlanRunner(plan, rig), progress)
-        _come_to_rest(acquisition, progress)
-        acquisition.end()
+        return _Performance(rig, plan, publish, progress).run(
+            lambda tap: Acquisition(rig, backend, tap, run=run, t0_ns=t0_ns)
+        )
     finally:
         backend.close()
-    return Outcome(acquisition.sample, aborted)
 
 
-def _perform_steps(acquisition: Acquisition, runner: PlanRunner, progress: Callable[[int], object]) -> str:
-    lease = acquisition.serve(Command(name="arm", who=WHO)).lease
-    while not runner.finished:
-        for action in runner.due(acquisition.sample):
-            answer = _begin_step(acquisition, action, lease)
-            if not answer.accepted:
-                runner.abort(f"{action.text}: {answer.text}")
+class _Performance:
+    """Daq and operator in one thread: each hears what the other publishes after every read."""
+
+    def __init__(self, rig: Rig, plan: Plan, publish: Publish, progress: Callable[[int], object]) -> None:
+        self._publish = publish
+        self._progress = progress
+        self._rate = rig.acquisition.rate
+        self._summary_key, self._event_key = keys.summary(rig.name), keys.event(rig.name, "daq")
+        self._operator_key = keys.event(rig.name, "operator")
+        self._rig, self._plan = rig, plan
+        self._heard: deque[Summary | Event] = deque()
+        self._reason: str | None = None  # why the plan ended; None as long as it has not
+
+    def run(self, make: Callable[[Publish], Acquisition]) -> Outcome:
+        acquisition = make(self._hear)
+        operation = Operation(self._rig, self._plan, acquisition.serve, self._hear_operator)
+        acquisition.begin()
+        while self._reason is None:
+            self._step(acquisition, operation)
+        acquisition.rest()
+        latest = acquisition.sample + round(REST_TIME * self._rate)
+        while not acquisition.at_rest and acquisition.sample < latest:
+            self._step(acquisition, operation)
+        acquisition.end()
+        return Outcome(acquisition.sample, self._reason)
+
+    def _step(self, acquisition: Acquisition, operation: Operation) -> None:
         acquisition.step()
-        progress(acquisition.sample)
-        if acquisition.first_out:
-            runner.abort(f"tripped: {acquisition.first_out}")
-    return runner.aborted or ""
+        while self._heard:
+            message = self._heard.popleft()
+            if isinstance(message, Summary):
+                operation.advance(message)
+            else:
+                operation.heed(message)
+        self._progress(acquisition.sample)
 
+    def _hear(self, key: str, payload: bytes) -> None:
+        self._publish(key, payload)
+        if key == self._summary_key:
+            self._heard.append(Summary.FromString(payload))
+        elif key == self._event_key:
+            self._heard.append(Event.FromString(payload))
 
-def _begin_step(acquisition: Acquisition, action: Action, lease: str) -> Answer:
-    if not action.command:
-        return Answer(accepted=True)
-    command = Command(name=action.command, who=WHO, lease=lease, values=action.values, texts=action.texts)
-    return acquisition.serve(command)
-
-
-def _come_to_rest(acquisition: Acquisition, progress: Callable[[int], object]) -> None:
-    acquisition.rest()
-    latest = acquisition.sample + round(REST_TIME * acquisition.rig.acquisition.rate)
-    while not acquisition.at_rest and acquisition.sample < latest:
-        acquisition.step()
-        progress(acquisition.sample)
+    def _hear_operator(self, payload: bytes) -> None:
+        self._publish(self._operator_key, payload)
+        event = Event.FromString(payload)
+        if event.kind == "plan_end":
+            self._reason = event.details["reason"] if event.details["completed"] == "no" else ""

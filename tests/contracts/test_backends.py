@@ -31,7 +31,7 @@ class TestSlowCoarseEmulator(BackendConformance):
 def test_an_unknown_backend_is_refused_with_the_known_ones():
     with pytest.raises(BackendError, match="no backend is called emulater; did you mean emulator"):
         make_backend("emulater")
-    with pytest.raises(BackendError, match="no backend is called nidaq; installed are .*emulator"):
+    with pytest.raises(BackendError, match=r"no backend is called nidaq; installed are .*emulator"):
         make_backend("nidaq")
 
 
