@@ -110,13 +110,13 @@ def run_check(options: argparse.Namespace) -> int:
 
 def perform_on_model(rig: "Rig", plan: "Plan") -> Peaks:
     """Perform a plan on the rig's model as the live daq would, and return what it comes to."""
+    from rich.console import Console
+    from rich.progress import Progress
 
     from daq import keys
     from daq.messages_pb2 import Summary
     from daq.offline import perform
-    from daq.rig import with_overrides
 
-    emulated = with_overrides(rig, ["acquisition.backend=emulator"])
     summaries: list[Summary] = []
     key = keys.summary(rig.name)
 
@@ -124,7 +124,12 @@ def perform_on_model(rig: "Rig", plan: "Plan") -> Peaks:
         if topic == key:
             summaries.append(Summary.FromString(payload))
 
-    outcome = perform(emulated, plan, note, run="check", t0_ns=0)
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        expected = plan.expected_duration(rig) * rig.acquisition.rate
+        task = bar.add_task(f"{plan.name} on the model of {rig.name}", total=expected)
+        outcome = perform(
+            rig, plan, note, run="check", t0_ns=0, progress=lambda sample: bar.update(task, completed=sample)
+        )
     return Peaks(
         outcome.samples,
         max(summary.radius_maximum for summary in summaries),

@@ -10,7 +10,7 @@ from daq.backend import make_backend
 from daq.link import LinkError, NoAnswer
 from daq.messages_pb2 import Answer, Command, Event, Summary
 from daq.operation import Operation
-from daq.plan import load_plan, plan_from_text
+from daq.plan import plan_from_text
 from daq.rig import load_rig
 
 RIG = load_rig("thesis-ball")
@@ -340,20 +340,3 @@ def test_end_of_the_run_ends_the_plan(bench, spin):
     rig.daq.end()
     rig.deliver()
     assert rig.last.details["reason"].startswith("run ended after 0.30 s")
-
-
-def test_plan_live_and_offline_command_the_same(bench):
-    from daq.offline import perform
-
-    plan = load_plan("impacts", RIG)
-    offline = []
-    perform(RIG, plan, lambda *message: offline.append(message), run="run-1", t0_ns=0)
-    events = [Event.FromString(payload) for key, payload in offline if key == keys.event(RIG.name, "daq")]
-    rig = bench(plan)
-    rig.run(8.2)
-
-    def speeds(found):
-        return [dict(event.details)["speed_hz"] for event in found if event.kind == "speed"]
-
-    assert speeds(rig.daq_events) == speeds(events)
-    assert rig.last.details["completed"] == "yes"
