@@ -203,6 +203,6 @@ def _with_ports(rig: Rig) -> Rig:
 
 def _wait_for_end_of_input(stop: Flag) -> None:
     """Set the flag when whoever started this process closes its pipe, or dies."""
-    while sys.stdin.buffer.read(4096):
+    while os.read(sys.stdin.fileno(), 4096):  # not sys.stdin.read: its lock would be held when Python ends
         continue
     stop.set()
