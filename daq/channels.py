@@ -8,7 +8,7 @@ import datetime
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, pi
+from math import pi
 from typing import Annotated, NamedTuple, overload
 
 import numpy as np
@@ -115,16 +115,6 @@ class ChannelTable:
         np.subtract(raw, self._offset, out=out)
         return np.divide(out, self._sensitivity, out=out)
 
-    def uncalibrate(self, values: NDArray[np.float64], out: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Turn SI values, shape (n_channels, n), into raw readings in `out`; may be in place."""
-        np.multiply(values, self._sensitivity, out=out)
-        return np.add(out, self._offset, out=out)
-
-    def not_ok(self, raw: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell for each channel, shape (n_channels,), whether a raw reading is outside its `ok` range."""
-        low, high = raw.min(axis=1), raw.max(axis=1)
-        return ~((low >= self._ok_low) & (high <= self._ok_high))
-
     @cached_property
     def _offset(self) -> NDArray[np.float64]:
         return np.array([[channel.offset] for channel in self.channels])
@@ -132,14 +122,6 @@ class ChannelTable:
     @cached_property
     def _sensitivity(self) -> NDArray[np.float64]:
         return np.array([[channel.sensitivity] for channel in self.channels])
-
-    @cached_property
-    def _ok_low(self) -> NDArray[np.float64]:
-        return np.array([channel.ok[0] if channel.ok else -inf for channel in self.channels])
-
-    @cached_property
-    def _ok_high(self) -> NDArray[np.float64]:
-        return np.array([channel.ok[1] if channel.ok else inf for channel in self.channels])
 
 
 def checked_table(channels: list[Channel]) -> ChannelTable:

@@ -250,8 +250,10 @@ def _actual_model(tables: Mapping[str, Any], model: Model | None, actual: Any) -
         if name not in MODEL_TABLES:
             known = nearest(name, MODEL_TABLES, "its tables are")
             raise RigError(f"[emulator.actual.{name}] is not a table of the model{known}")
-    if not actual or model is None:
+    if not actual:
         return None
+    if model is None:
+        raise RigError(f"[emulator.actual] needs the tables {', '.join(MODEL_TABLES)}, from which it differs")
     told = {name: tables[name] for name in MODEL_TABLES}
     found = model_from_mapping(toml_source.merge(told, actual), "emulator.actual")
     return None if found == model else found

@@ -72,7 +72,7 @@ def value_of(hint: Any, value: Any, place: str) -> Any:
         return _one_of(value, get_args(bare), place)
     if issubclass(bare, IntEnum):
         return choice(value, bare, place)
-    if not isinstance(value, bare) or value == "":
+    if type(value) is not bare or value == "":
         raise RigError(f"{place} = {_shown(value)} must be {_KINDS[bare]}")
     return value
 

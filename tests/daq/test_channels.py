@@ -33,20 +33,11 @@ def test_eddy_probe_with_negative_sensitivity():
     assert table.calibrate(raw, np.empty_like(raw))[0] == pytest.approx([1e-4])
 
 
-def test_calibration_may_be_in_place_and_comes_back(table):
+def test_calibration_may_be_in_place(table):
     raw = np.random.default_rng(1).uniform(-10, 10, (len(table), 50))
-    values = raw.copy()
-    assert table.calibrate(values, values) is values
-    assert table.uncalibrate(values, values) == pytest.approx(raw)
-
-
-def test_sensor_outside_its_ok_range_is_told(table):
-    raw = np.zeros((len(table), 4))
-    assert not table.not_ok(raw).any()
-    raw[table.index("force_top"), 2] = 9.95
-    raw[table.index("proximity_y"), 0] = np.nan
-    raw[table.index("motor_speed_command"), 0] = 10.0  # has no `ok` range
-    assert [table.names[row] for row in np.flatnonzero(table.not_ok(raw))] == ["proximity_y", "force_top"]
+    expected = table.calibrate(raw, np.empty_like(raw))
+    assert table.calibrate(raw, raw) is raw
+    assert np.array_equal(raw, expected)
 
 
 def test_look_up_by_name_and_position(table):

@@ -4,6 +4,8 @@
 import subprocess
 import sys
 import tomllib
+from contextlib import suppress
+from datetime import date, datetime
 from math import tau
 from pathlib import Path
 
@@ -247,6 +249,29 @@ def test_missing_table_is_named(removed, message):
     del table[key]
     with pytest.raises(RigError, match=message):
         rig_from_text(tomli_w.dumps(tables))
+
+
+def leaves(table, path=()):
+    """Yield the path of each value in nested tables and rows."""
+    for key, value in table.items() if isinstance(table, dict) else enumerate(table):
+        yield (*path, key)
+        if isinstance(value, dict | list):
+            yield from leaves(value, (*path, key))
+
+
+@pytest.mark.parametrize(
+    "strange", [{}, [], [3], "", True, -1, float("nan"), datetime(2026, 1, 31), date(2026, 1, 31)]
+)
+def test_strange_value_anywhere_is_refused_or_taken_but_never_breaks(strange):
+    text = load_rig("thesis-ball").toml
+    for path in leaves(tomllib.loads(text)):
+        tables = tomllib.loads(text)
+        table = tables
+        for key in path[:-1]:
+            table = table[key]
+        table[path[-1]] = strange
+        with suppress(RigError):
+            rig_from_text(tomli_w.dumps(tables))
 
 
 def test_emulator_needs_a_model():
