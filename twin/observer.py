@@ -84,6 +84,7 @@ class Estimated(NamedTuple):
     """What the observer makes of one block; column j is sample first_sample + j * stride."""
 
     first_sample: int
+    n_samples: int  # of the block
     rate: float  # Hz
     status: int  # flags of `BlockStatus` and `EstimateStatus`
     stride: int
@@ -102,6 +103,11 @@ class Estimated(NamedTuple):
     def settled(self) -> bool:
         """Whether the estimate is vouched for."""
         return not self.status & (EstimateStatus.SETTLING | EstimateStatus.LOST)
+
+    @property
+    def restarted(self) -> bool:
+        """Whether the state was set anew at this block's first sample."""
+        return bool(self.status & EstimateStatus.RESTARTED)
 
     def row(self, name: str) -> np.ndarray:
         """Return one output (n_columns,)."""
@@ -236,6 +242,7 @@ class Observer:
             rms = np.sqrt(tally.squares / tally.counts)
         return Estimated(
             series.first_sample,
+            series.samples.shape[1],
             series.rate,
             int(status),
             STRIDE,
@@ -244,14 +251,14 @@ class Observer:
             out,
             angle,
             missing,
-            float(tally.peak[0]),
-            float(tally.peak[1]),
+            float(np.nan_to_num(tally.peak[0])),
+            float(np.nan_to_num(tally.peak[1])),
             rms,
         )
 
 
 def bare(model: Model) -> Model:
-    """Return the model without unbalance, weight and coupling, which are estimated, and with a given speed."""
+    """Return the model without unbalance, weight and coupling, which are states, and with a given speed."""
     rotor = model.rotor._replace(unbalance=0.0, gravity=0.0, coupling_force=0.0)
     return checked(model._replace(rotor=rotor, drive=model.drive._replace(mode=DriveMode.IDEAL)))
 

@@ -1,0 +1,126 @@
+"""From the daq's blocks to the twin's messages: what the twin's process, a simulation and a replay share."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from daq import keys
+from daq.messages import SeriesEncoder, decode_series
+from daq.messages_pb2 import INFO, WARNING, Event, Severity
+from daq.rig import Rig
+from twin.findings import Findings, RegimeChange
+from twin.observer import STRIDE, Estimated, EstimateStatus, Observer
+
+SOURCE = "twin"
+
+
+class Twin:
+    """Turns blocks into estimates, summaries and events; no link, no clock.
+
+    Equal blocks in equal order give equal messages.
+
+    Args:
+        rig: with a model.
+        run: run id, as in the blocks.
+        t0_ns: UTC of sample 0 in ns since 1970.
+
+    Raises:
+        RigError: the rig has no model, or not the channels that the observer needs.
+    """
+
+    def __init__(self, rig: Rig, run: str, t0_ns: int) -> None:
+        self.run = run
+        self.observer = Observer(rig)
+        self.samples = 0
+        """Samples estimated so far."""
+        self.lost = 0
+        """Samples that did not come."""
+        self._findings = Findings(rig)
+        self._rate = rig.acquisition.rate
+        self._t0 = t0_ns * 1e-9
+        self._sequence = 0
+        self._encoder = SeriesEncoder(run, self._rate, self.observer.names, self.observer.units, STRIDE)
+        self._keys = keys.estimate(rig.name), keys.twin_summary(rig.name), keys.event(rig.name, SOURCE)
+
+    def process(self, payload: bytes, cause: str = "not received") -> list[tuple[str, bytes]]:
+        """Take in the next block, as it was published, and return what to publish: (key, payload).
+
+        `cause` says why samples before this block are missing, if any are. Raises MessageError for bytes
+        that are no block, ValueError for a block of another rig or from the past.
+        """
+        estimated = self.observer.update(decode_series(payload))
+        messages = self._events(estimated, cause)
+        messages.append(self._estimate(estimated))
+        self._findings.add(estimated)
+        self.samples += estimated.n_samples
+        if self._findings.is_due:
+            messages += self._summary()
+        return messages
+
+    def _estimate(self, estimated: Estimated) -> tuple[str, bytes]:
+        """Return the estimate's message."""
+        timestamp = self._time(estimated.first_sample)
+        values = estimated.samples.astype(np.float32)
+        return self._keys[0], self._encoder.encode(
+            timestamp, estimated.first_sample, estimated.status, values
+        )
+
+    def _summary(self) -> list[tuple[str, bytes]]:
+        """Return the summary's message, and an event when the regime has changed."""
+        summary, change = self._findings.summarise()
+        summary.timestamp, summary.run = self._time(summary.first_sample), self.run
+        messages = [(self._keys[1], summary.SerializeToString(deterministic=True))]
+        if change:
+            messages.append(self._regime(change, summary.first_sample + summary.n_samples))
+        return messages
+
+    def _events(self, estimated: Estimated, cause: str) -> list[tuple[str, bytes]]:
+        """Return the events of a gap, a late start or a lost state."""
+        first = estimated.first_sample
+        if estimated.missing:
+            begin, end = estimated.missing
+            self.lost += end - begin + 1
+            details = {"first": begin, "last": end, "cause": cause}
+            text = f"{end - begin + 1} samples before this one are missing: {cause}"
+            return [self._event("gap", text, first, WARNING, details)]
+        if estimated.restarted and self.samples == 0:
+            text = "the estimate begins" if first == 0 else f"the estimate begins late, {self._after(first)}"
+            return [self._event("start", text, first)]
+        if estimated.status & EstimateStatus.LOST:
+            text = "measurement and model contradict each other: the state is set anew from the measurement"
+            return [self._event("lost", text, first, WARNING)]
+        return []
+
+    def _after(self, sample: int) -> str:
+        return f"{sample / self._rate:.2f} s after the run"
+
+    def _regime(self, change: RegimeChange, sample: int) -> tuple[str, bytes]:
+        details = {"before": change.before.value, "now": change.now.value}
+        return self._event("regime", f"regime: {change.now.value}", sample, details=details)
+
+    def _event(
+        self,
+        kind: str,
+        text: str,
+        sample: int,
+        severity: Severity = INFO,
+        details: Mapping[str, object] | None = None,
+    ) -> tuple[str, bytes]:
+        """Return the next event's message."""
+        event = Event(
+            timestamp=self._time(sample),
+            run=self.run,
+            sample=sample,
+            sequence=self._sequence,
+            severity=severity,
+            source=SOURCE,
+            kind=kind,
+            text=text,
+            details={name: str(value) for name, value in (details or {}).items()},
+        )
+        self._sequence += 1
+        return self._keys[2], event.SerializeToString(deterministic=True)
+
+    def _time(self, sample: int) -> float:
+        """Return the UTC of a sample in s since 1970."""
+        return self._t0 + sample / self._rate
