@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from queue import Empty, SimpleQueue
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from daq.recovery import Recovery, Stamp
 
@@ -11,12 +11,8 @@ LOOK_AGAIN_S = 0.1
 """Period at which a `put` that waits for room looks whether it still has to."""
 
 
-class _Message(NamedTuple):
-    key: str
-    payload: bytes | None
-    dropped_before: int
-    stamp: Stamp | None = None
-    recovery: Recovery | None = None
+_Message = tuple[str, bytes | None, int, Stamp | None, Recovery | None]
+"""Key, payload, drops to report, and what recovers the subscription's missing messages."""
 
 
 def _never() -> bool:
@@ -48,7 +44,7 @@ class Inbox:
         self._room: SimpleQueue[None] = SimpleQueue()
         for _ in range(capacity):
             self._room.put(None)
-        self._catching_up: Iterator[tuple[str, bytes] | None] = iter(())
+        self._catching_up: Iterator[tuple[str, bytes] | None] | None = None
 
     @property
     def fill(self) -> float:
@@ -75,7 +71,7 @@ class Inbox:
         else:
             dropped = self._make_room()
         if not self._closed:
-            self._messages.put(_Message(key, payload, dropped))
+            self._messages.put((key, payload, dropped, None, None))
 
     def offer(self, key: str, payload: bytes | None, stamp: Stamp, recovery: Recovery) -> None:
         """Add a message that can be fetched again, or the newest number alone; leave it out when full."""
@@ -84,7 +80,7 @@ class Inbox:
         except Empty:
             return
         if not self._closed:
-            self._messages.put(_Message(key, payload, 0, stamp, recovery))
+            self._messages.put((key, payload, 0, stamp, recovery))
 
     def get(self, timeout: float | None = None) -> tuple[str, bytes] | None:
         """Return the next key and payload.
@@ -99,13 +95,13 @@ class Inbox:
         """
         deadline = None if timeout is None else time.monotonic() + timeout
         while True:
-            for due in self._catching_up:
-                if due is not None:
-                    return due
-                if self._closed or _remaining(deadline) == 0.0:
-                    return None
+            if self._catching_up is not None:
+                for due in self._catching_up:
+                    if due is not None or self._closed or _remaining(deadline) == 0.0:
+                        return due
+                self._catching_up = None
             try:
-                message = self._messages.get(timeout=_remaining(deadline))
+                message = self._messages.get(timeout=timeout)
             except Empty:
                 return None
             if message is None:
@@ -113,11 +109,14 @@ class Inbox:
                 return None
             self._room.put(None)
             key, payload, dropped, stamp, recovery = message
-            self.dropped += dropped
-            if payload is not None and (stamp is None or recovery is None or recovery.is_due(key, stamp)):
+            if dropped:
+                self.dropped += dropped
+            if stamp is None or recovery is None:
+                return key, payload or b""
+            if payload is not None and recovery.is_due(stamp):
                 return key, payload
-            if stamp is not None and recovery is not None:
-                self._catching_up = _with_key(key, recovery.catch_up(key, stamp, payload))
+            self._catching_up = _with_key(key, recovery.catch_up(key, stamp, payload))
+            timeout = _remaining(deadline)
 
     def close(self) -> None:
         """Take no more messages and release whoever waits, in `put` or in `get`."""
@@ -153,7 +152,7 @@ class Inbox:
         if oldest is None:
             self._messages.put(None)
             return 0
-        return oldest.dropped_before + 1
+        return oldest[2] + 1
 
 
 def _remaining(deadline: float | None) -> float | None:

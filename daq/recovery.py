@@ -12,7 +12,6 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 from itertools import count
-from typing import NamedTuple
 
 PIECE_BYTES = 256 * 1024
 """A reply to a subscriber ends with the message that reaches this size."""
@@ -24,15 +23,10 @@ STAMP = struct.Struct("<QQ")
 RANGE = struct.Struct("<QQ")
 ENTRY = struct.Struct("<QI")
 
+Stamp = tuple[int, int]
+"""What a caching publisher sends along with a message: the publisher's number and the message's."""
 Fetch = Callable[[str, int, int, int], bytes | None]
 """(key, publisher, first, end) -> packed messages from number `first` to before `end`; None: no answer."""
-
-
-class Stamp(NamedTuple):
-    """What a caching publisher sends along with a message."""
-
-    publisher: int
-    number: int
 
 
 class Cache:
@@ -51,10 +45,6 @@ class Cache:
         number = next(self._numbers)
         self._ring[number % self._size] = (number, payload)
         return number
-
-    def stamp(self, number: int) -> bytes:
-        """Return the stamp that goes with a message, or that tells the newest number."""
-        return STAMP.pack(self.publisher, number)
 
     def pack(self, wanted: bytes) -> bytes:
         """Return the kept messages of a packed range of numbers, oldest first, as many as one reply takes."""
@@ -83,14 +73,14 @@ class Recovery:
         self.missed = 0
         """Messages that no cache could give any more, since the first that was received."""
         self._fetch = fetch
-        self._due: dict[tuple[str, int], int] = {}
+        self._due: dict[int, int] = {}
 
-    def is_due(self, key: str, stamp: Stamp) -> bool:
+    def is_due(self, stamp: Stamp) -> bool:
         """Tell whether a message is the next of its publisher, and if so count it as delivered."""
-        stream = (key, stamp.publisher)
-        if self._due.get(stream, 0) != stamp.number:
+        publisher, number = stamp
+        if self._due.get(publisher, 0) != number:
             return False
-        self._due[stream] = stamp.number + 1
+        self._due[publisher] = number + 1
         return True
 
     def catch_up(self, key: str, stamp: Stamp, payload: bytes | None) -> Iterator[bytes | None]:
@@ -104,36 +94,30 @@ class Recovery:
         Yields:
             Payloads in order; None whenever the publisher did not answer and will be asked again.
         """
-        stream = (key, stamp.publisher)
-        end = stamp.number if payload is not None else stamp.number + 1
+        publisher, number = stamp
+        end = number if payload is not None else number + 1
         give_up = time.monotonic() + PATIENCE_S
-        while (due := self._due.get(stream, 0)) < end:
-            packed = self._fetch(key, stamp.publisher, due, end)
+        while (due := self._due.get(publisher, 0)) < end:
+            packed = self._fetch(key, publisher, due, end)
             if packed is None and time.monotonic() < give_up:
                 yield None
                 time.sleep(PAUSE_S)
                 continue
             if not packed:
-                self._advance(stream, end)
+                self._advance(publisher, end)
                 break
-            for number, kept in _unpack(packed):
-                self._advance(stream, number)
-                self._due[stream] = number + 1
+            for kept_number, kept in _unpack(packed):
+                self._advance(publisher, kept_number)
+                self._due[publisher] = kept_number + 1
                 yield kept
             give_up = time.monotonic() + PATIENCE_S
-        if payload is not None and self._due.get(stream, 0) == stamp.number:
-            self._due[stream] = stamp.number + 1
+        if payload is not None and self.is_due(stamp):
             yield payload
 
-    def _advance(self, stream: tuple[str, int], number: int) -> None:
+    def _advance(self, publisher: int, number: int) -> None:
         """Go on to a number; count those in between as missed, unless this is where the stream begins."""
-        self.missed += number - self._due.get(stream, number)
-        self._due[stream] = number
-
-
-def read_stamp(stamp: bytes) -> Stamp:
-    """Read what a caching publisher sent along."""
-    return Stamp(*STAMP.unpack(stamp))
+        self.missed += number - self._due.get(publisher, number)
+        self._due[publisher] = number
 
 
 def range_of(first: int, end: int) -> bytes:
