@@ -21,7 +21,7 @@ from twin.display_data import MICRO, Contact, Curve, Frame, Orbit, Scene
 from twin.display_geometry import bearing_edge, ruler, view_radius
 from twin.viewer import HOST, refuse_taken, wait_until_served
 
-SERVER_MEMORY = "256MB"  # kept for viewers that come late: about half an hour of a run
+SERVER_MEMORY = "256MB"  # kept for viewers that come late: about twenty minutes of a run
 TIMELINE = "time"  # s since the run's start: sample index over rate
 WINDOW = 10.0  # s that the plots show while a run is followed
 ARROW = 4.0  # µm of arrow for one newton of contact force
@@ -231,7 +231,7 @@ def blueprint(rig: Rig, *, following: bool) -> rrb.Blueprint:
     modelled = rig.twin.model != "none"
     left: list[tuple[rrb.View, float]] = [(orbit_view(rig), 7.0)]
     if modelled:
-        left.append((regime_view(following), 1.2))
+        left.append((regime_view(following), 1.6))
     left.append((event_view(), 2.4))
     state: Literal["following", "playing"] = "following" if following else "playing"
     return rrb.Blueprint(
@@ -242,7 +242,7 @@ def blueprint(rig: Rig, *, following: bool) -> rrb.Blueprint:
                 plot_views(modelled, following),
                 column_shares=[4, 5],
             ),
-            row_shares=[1, 14],
+            row_shares=[1, 12.5],
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),

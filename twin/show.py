@@ -2,17 +2,17 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from math import isfinite
 
 from google.protobuf.message import DecodeError
 
 from daq import keys
-from daq.messages import MessageError, decode_series
+from daq.messages import MessageError, Series, decode_series
 from daq.messages_pb2 import Event, Status, TwinSummary
 from daq.rig import Rig
 from twin.display import Screen
 from twin.display_data import MICRO, Scene
 
+LONGEST_RUN = 1e9  # s: a later sample is no sample
 HEADLINE_PERIOD = 0.2  # s of the run between two headlines
 
 
@@ -78,7 +78,7 @@ class Show:
             parts.append(f"{self._scene.skipped:,} samples not shown")
         if self.over:
             parts.append("ended")
-        return f"# {self.mode} {self._rig.name}   {'  ·  '.join(parts)}"
+        return f"## {self.mode} {self._rig.name}   {'  ·  '.join(parts)}"
 
     def _orbit_text(self, radius: float) -> str:
         text = f"orbit {radius:.0f} µm"
@@ -87,10 +87,15 @@ class Show:
         return text
 
     def _on_block(self, payload: bytes) -> None:
-        self._scene.add_block(decode_series(payload))
+        self._scene.add_block(self._series(payload))
 
     def _on_estimate(self, payload: bytes) -> None:
-        self._scene.add_estimate(decode_series(payload))
+        self._scene.add_estimate(self._series(payload))
+
+    def _series(self, payload: bytes) -> Series:
+        series = decode_series(payload)
+        self._seconds(series.first_sample)
+        return series
 
     def _on_twin_summary(self, payload: bytes) -> None:
         summary = TwinSummary.FromString(payload)
@@ -110,7 +115,9 @@ class Show:
 
     def _seconds(self, sample: int) -> float:
         seconds = sample / self._scene.rate
-        return seconds if isfinite(seconds) else 0.0
+        if seconds > LONGEST_RUN:
+            raise MessageError(f"sample {sample} would be {seconds:g} s after the run's start")
+        return seconds
 
     @contextmanager
     def _counting_unreadable(self) -> Iterator[None]:

@@ -62,7 +62,7 @@ class Page:
             refuse_taken(data_port)
             arguments += ["--port", str(data_port), "--server-memory-limit", FILE_MEMORY]
             address = f"rerun+http://{HOST}:{data_port}/proxy"
-        self.url = f"http://{HOST}:{port}/?url={quote(address, safe='')}"
+        self.url = f"http://{HOST}:{port}/?url={quote(address, safe='')}&theme=dark"
         with TemporaryFile() as words:
             self._process = start([*arguments, *sources], words.fileno())
             try:
@@ -129,10 +129,9 @@ def refuse_taken(port: int) -> None:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((HOST, port))
-        except OSError as error:
-            raise ViewerError(
-                f"port {port} on {HOST} cannot be used ({error.strerror}); take another one"
-            ) from None
+        except (OSError, OverflowError) as error:
+            reason = getattr(error, "strerror", None) or "a port is 0 to 65535"
+            raise ViewerError(f"port {port} on {HOST} cannot be used ({reason}); take another one") from None
 
 
 def wait_until_served(port: int, process: "subprocess.Popen[bytes] | None" = None) -> None:
