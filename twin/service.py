@@ -91,7 +91,7 @@ class Service:
         self._newest = -1  # first sample of the newest block that has arrived
         self._shed = False  # whether blocks have been shed since the last one that was processed
         self._unreadable = 0
-        self._end: int | None = None  # index behind the run's last sample, once known
+        self._end: tuple[str, int] | None = None  # run that has ended, and the index behind its last sample
         self._ended_at = 0.0
         self._heard = self._recorder_heard = time.monotonic()
         self._status_due = 0.0
@@ -145,9 +145,9 @@ class Service:
                 print(f"twin: a message of {key} is left out: {error}", flush=True)
 
     def _take_event(self, event: Event) -> None:
-        """Note the run's end."""
-        if event.kind == "end" and (self._twin is None or event.run == self._twin.run):
-            self._end, self._ended_at = event.sample, time.monotonic()
+        """Note the run's end; it may come before the last blocks, even before the first."""
+        if event.kind == "end":
+            self._end, self._ended_at = (event.run, event.sample), time.monotonic()
 
     def _take_block(self, payload: bytes) -> None:
         """Estimate over a block, unless it is to be shed."""
@@ -172,7 +172,8 @@ class Service:
         self._description = self._ask_description()
         rig = rig_from_text(self._description.toml, f"description of run {run}")
         self._twin = Twin(rig, run, self._description.t0_ns)
-        self._end = None
+        if self._end and self._end[0] != run:
+            self._end = None
         return self._twin
 
     def _ask_description(self) -> Description:
@@ -198,7 +199,8 @@ class Service:
     def _is_done(self, now: float) -> bool:
         """Tell whether every block before the end is processed, or will not come any more."""
         reached = (self._twin.observer.expected if self._twin else None) or 0
-        return reached >= (self._end or 0) or now - self._ended_at > DRAIN
+        end = self._end[1] if self._end else 0
+        return reached >= end or now - self._ended_at > DRAIN
 
     def _is_fetched(self, now: float) -> bool:
         """Tell whether the recorder has had its time to fetch what it missed."""
@@ -257,11 +259,13 @@ def observe(rig: Rig, told_to_end: Flag) -> None:
 
     Raises:
         RigError: the rig has no model to run alongside.
+        NotRunning: the rig leaves its ports open, and it does not run.
         LinkError: the twin's port is in use.
         ServiceError: the daq does not describe its run.
     """
     if rig.twin.model == "none":
         raise RigError(f'{rig.name} has [twin] model = "none": there is nothing to run; leave the twin out')
+    rig = _with_ports(rig)
     warm_up(rig)
     with (
         Link(connect=[rig.link.endpoint("daq")]) as data,
@@ -280,7 +284,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     told_to_end = Flag()
     follow_parent(told_to_end.set)
     try:
-        observe(_with_ports(load_rig(options.rig)), told_to_end)
+        observe(load_rig(options.rig), told_to_end)
     except (ValueError, RuntimeError) as error:
         print(f"twin: {error}", file=sys.stderr, flush=True)
         return 2
