@@ -107,6 +107,11 @@ class Publisher(Declaration):
         except (zenoh.ZError, IndexError):
             raise LinkError("cannot publish: publisher or link are closed") from None
 
+    @property
+    def has_subscribers(self) -> bool:
+        """Whether anybody subscribes to the key now."""
+        return not self.closed and bool(self._entities[0].matching_status.matching)
+
 
 class CachingPublisher(Publisher):
     """Publishes payloads and keeps the newest for subscriptions that recover."""
@@ -241,6 +246,7 @@ class Link:
         recover_key = _recover_key(key, kept.publisher)
 
         def supply(query: zenoh.Query) -> None:
+            _keep_thread_state()
             wanted = query.payload
             query.reply(recover_key, kept.pack(wanted.to_bytes() if wanted else b""))
             query.drop()
@@ -289,6 +295,7 @@ class Link:
         """
 
         def receive(query: zenoh.Query) -> None:
+            _keep_thread_state()
             if str(query.selector) != key:
                 _refuse(query, f"{query.selector} is not the exact key {key}")
                 return
