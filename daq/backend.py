@@ -95,8 +95,8 @@ class Backend(Protocol):
        not yet taken, and returns that sample's index. With `at_sample` it happens exactly there;
        `PastSampleError` when that has passed.
     7. A `RestOutput` overrides all that was written before it, scheduled outputs included.
-    8. `stop()` leaves the outputs in the safe state and ends sampling. `close()` gives the device back and
-       may be called at any time, also twice, also without `open`.
+    8. `stop()` and `close()` leave the outputs in the safe state and end sampling. `close()` gives the
+       device back too; it may be called at any time, also twice, also without `open`.
     9. All calls come from one thread.
     """
 

@@ -1,10 +1,7 @@
 """What others want of the acquisition: one bounded queue that its one thread waits on."""
 
-import signal
-import sys
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
-from threading import Thread
 from typing import NamedTuple
 
 from google.protobuf.message import DecodeError
@@ -16,7 +13,6 @@ from daq.messages_pb2 import Answer, Command
 
 CAPACITY = 64
 """Commands that may wait; a further one is refused."""
-STOP_LINE = "stop"
 
 
 class CommandOrder(NamedTuple):
@@ -33,16 +29,14 @@ class LeaseOrder(NamedTuple):
 
 
 class EndOrder(NamedTuple):
-    """The run shall end, and why."""
-
-    reason: str
+    """The run shall end."""
 
 
 Order = CommandOrder | LeaseOrder | EndOrder
 
 
 class Orders:
-    """Orders from the link's threads, from standard input and from signals, for one consumer thread."""
+    """Orders from the link's threads and from the parent process, for one consumer thread."""
 
     def __init__(self) -> None:
         self._queue: SimpleQueue[Order] = SimpleQueue()
@@ -59,29 +53,15 @@ class Orders:
         except Empty:
             return None
 
-    def end(self, reason: str) -> None:
-        """Order the end of the run."""
-        self._queue.put(EndOrder(reason))
+    def end(self) -> None:
+        """Order the end of the run; from any thread or a signal handler."""
+        self._queue.put(EndOrder())
 
     def take_commands(self, link: Link, rig: str) -> None:
         """Serve the rig's commands and hear its lease holder on a link."""
         for name in TAKES:
             link.serve(keys.command(rig, name), self._receive)
         link.subscribe(keys.lease(rig), self._hear)
-
-    def listen_to_parent(self) -> None:
-        """End the run when standard input ends or says `stop`; let Ctrl-C be the parent's business."""
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, lambda number, frame: self.end("terminated"))
-        if sys.stdin is not None:
-            Thread(target=self._follow_input, name="standard input", daemon=True).start()
-
-    def _follow_input(self) -> None:
-        for line in sys.stdin:
-            if line.strip() == STOP_LINE:
-                self.end("told to stop")
-                return
-        self.end("the parent process closed the input")
 
     def _receive(self, request: Request) -> None:
         def reply(answer: Answer) -> None:

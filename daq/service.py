@@ -13,6 +13,7 @@ from daq.backend import Backend, BackendError, make_backend
 from daq.describe import EMULATED, LIVE, describe
 from daq.link import Link, Publisher, Request, free_ports
 from daq.orders import CommandOrder, EndOrder, LeaseOrder, Order, Orders
+from daq.parent import follow_parent
 from daq.presence import Presence
 from daq.rig import Rig, with_ports
 from daq.runtime import claim
@@ -72,7 +73,7 @@ class Service:
         self._outlet = Outlet(data)
         self._acquisition = Acquisition(rig, backend, self._outlet, run=run)
         self._presence = Presence(rig.name, data, control)
-        self._end_reason = ""
+        self._told_to_end = False
         self._description = b""
         self._heard = time.monotonic()
         self._status_due = self._heard
@@ -81,12 +82,12 @@ class Service:
     def run(self, wait_for: tuple[str, ...], duration: float | None) -> None:
         """Wait for others, acquire until the end, bring the rig to rest. Raises `ServiceError`."""
         self._declare()
-        self._orders.listen_to_parent()
+        follow_parent(self._orders.end)
         self._backend.open(self._rig)
         self._control.announce(keys.alive(self._rig.name, PROCESS))
         self._data.announce(keys.alive(self._rig.name, PROCESS))
         self._wait_for(wait_for)
-        if self._end_reason:
+        if self._told_to_end:
             return
         gc.collect()
         gc.freeze()
@@ -106,7 +107,7 @@ class Service:
             keys.event(name, PROCESS),
             keys.summary(name),
             keys.status(name, PROCESS),
-            keys.truth(name),
+            *([keys.truth(name)] if self._backend.capabilities.emulated else []),
             *(keys.channel_summary(name, channel) for channel in self._rig.channels.names),
         )
         self._data.serve(keys.description(name), self._describe)
@@ -119,7 +120,7 @@ class Service:
 
     def _wait_for(self, processes: tuple[str, ...]) -> None:
         deadline = time.monotonic() + PATIENCE
-        while (missing := self._presence.missing(processes)) and not self._end_reason:
+        while (missing := self._presence.missing(processes)) and not self._told_to_end:
             if time.monotonic() > deadline:
                 names = " and ".join(missing)
                 raise ServiceError(f"{names} did not come within {PATIENCE:.0f} s: nothing was started")
@@ -137,7 +138,7 @@ class Service:
     def _acquire(self, duration: float | None) -> None:
         """Acquire until told to end, then until the rotor is at rest."""
         last = None if duration is None else round(duration * self._rig.acquisition.rate)
-        while not self._end_reason and (last is None or self._acquisition.sample < last):
+        while not self._told_to_end and (last is None or self._acquisition.sample < last):
             self._cycle()
         self._acquisition.rest()
         deadline = time.monotonic() + REST_TIME
@@ -161,7 +162,7 @@ class Service:
     def _serve(self, timeout: float) -> None:
         """Wait for an order at most so long and obey it; keep lease and status up to date."""
         order = self._orders.get(timeout)
-        if order:
+        if order is not None:
             self._obey(order)
         now = time.monotonic()
         self._acquisition.elapse(now - self._heard)
@@ -175,7 +176,7 @@ class Service:
         elif isinstance(order, LeaseOrder):
             self._acquisition.renew(order.lease)
         elif isinstance(order, EndOrder):
-            self._end_reason = order.reason
+            self._told_to_end = True
 
     def _publish_status(self, now: float) -> None:
         cpu = time.process_time()
