@@ -6,13 +6,10 @@ there, and sends commands and the lease's renewals on a second link, whose loss 
 """
 
 import gc
-import signal
-import sys
 import time
 from collections.abc import Callable
 from functools import partial
 from queue import Empty, SimpleQueue
-from threading import Thread
 from typing import TypeVar
 
 from google.protobuf.message import DecodeError
@@ -22,6 +19,7 @@ from daq.commands import TAKES
 from daq.link import Link, Publisher, Request
 from daq.messages_pb2 import Answer, Command, Event, Summary
 from daq.operation import Operation
+from daq.parent import follow_parent
 from daq.plan import Plan, load_plan
 from daq.rig import Rig, load_rig, rig_from_text
 from daq.runtime import running
@@ -46,7 +44,7 @@ class News:
 
     def __init__(self) -> None:
         self._queue: SimpleQueue[Callable[[], object]] = SimpleQueue()
-        self.ended = ""  # why
+        self.ended = False
 
     def add(self, tell: Callable[[], object]) -> None:
         """Add a piece of news if there is room; the link's threads must not wait."""
@@ -61,22 +59,10 @@ class News:
             return
         tell()
 
-    def end(self, reason: str) -> None:
-        """Let the loop end, and wake it."""
-        self.ended = self.ended or reason
+    def end(self) -> None:
+        """Let the loop end, and wake it; from any thread or a signal handler."""
+        self.ended = True
         self._queue.put(lambda: None)
-
-    def listen_to_parent(self) -> None:
-        """End when standard input ends or says `stop`; Ctrl-C is the parent's business."""
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, lambda number, frame: self.end("the operator was terminated"))
-        Thread(target=self._follow_input, name="standard input", daemon=True).start()
-
-    def _follow_input(self) -> None:
-        for line in sys.stdin:
-            if line.strip() == "stop":
-                break
-        self.end("the operator was told to end")
 
 
 def operate(name_or_path: str, plan_name: str | None = None) -> None:
@@ -113,7 +99,7 @@ def _run(rig: Rig, plan: Plan | None, data: Link, control: Link) -> None:
     data.subscribe(keys.event(rig.name, "daq"), _teller(news, Event.FromString, operation.heed))
     for name in TAKES:
         data.serve(keys.operator_command(rig.name, name), _server(news, operation, name))
-    news.listen_to_parent()
+    follow_parent(news.end)
     for each in (data, control):
         each.announce(keys.alive(rig.name, PROCESS))
     gc.collect()
@@ -121,7 +107,7 @@ def _run(rig: Rig, plan: Plan | None, data: Link, control: Link) -> None:
     try:
         _loop(operation, news, lease, status)
     finally:
-        operation.end(news.ended or "the operator failed")
+        operation.end("the operator was told to end" if news.ended else "the operator failed")
 
 
 def _loop(operation: Operation, news: News, lease: Publisher, status: Publisher) -> None:
