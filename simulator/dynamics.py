@@ -269,7 +269,8 @@ def may_touch(model: Model, tick: Tick, state: State, depth: float) -> bool:
 @inlined
 def flight_substeps(tick: Tick, speed: float) -> int:
     """Return how many substeps a tick without contact needs."""
-    return ceil(tick.length * (tick.flight_rate + tick.gyroscopic * abs(speed)) / FLIGHT_TURN)
+    turn = tick.length * (tick.flight_rate + tick.gyroscopic * abs(speed))
+    return max(1, ceil(turn / FLIGHT_TURN))
 
 
 @inlined

@@ -54,7 +54,10 @@ def spin_mobility(model: Model) -> float:
 
 def oscillator_map(stiffness: float, damping: float, duration: float) -> Matrix:
     """Return the exact map of y'' = -stiffness y - damping y' through `duration` on (y, y'), row by row."""
-    return exponential((0.0, duration, -stiffness * duration, -damping * duration))
+    natural = sqrt(stiffness)
+    turn = natural * duration
+    a = exponential((0.0, turn, -turn, -damping * duration))  # of (natural y, y'), which are alike in size
+    return a[0], a[1] / natural, a[2] * natural, a[3]
 
 
 def exponential(a: Matrix) -> Matrix:
