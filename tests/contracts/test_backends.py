@@ -37,3 +37,17 @@ def test_an_unknown_backend_is_refused_with_the_known_ones():
 
 def test_the_emulator_is_known():
     assert "emulator" in known_backends()
+
+
+def test_a_backend_of_another_package_is_found_by_its_entry_point(tmp_path, monkeypatch):
+    (tmp_path / "lab_rig.py").write_text("from daq.backends.emulator import Emulator as LabDevice\n")
+    installed = tmp_path / "lab_rig-1.0.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: lab-rig\nVersion: 1.0\n")
+    (installed / "entry_points.txt").write_text("[rigtwin.backends]\nlab = lab_rig:LabDevice\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert "lab" in known_backends()
+    backend = make_backend("lab", paced=False)
+    backend.open(load_rig("thesis-ball"))
+    backend.start()
+    backend.close()

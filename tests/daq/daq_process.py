@@ -30,7 +30,7 @@ def until(condition, seconds=PATIENCE):
 class DaqProcess:
     """`python -m daq acquire` as a child; `rig` has the ports that it listens on."""
 
-    def __init__(self, folder, *arguments, overrides=(), rig=None):
+    def __init__(self, folder, *arguments, overrides=(), rig=None, packages=None):
         self.rig = rig or with_ports(load_rig("thesis-ball", overrides), free_ports(4))
         path = folder / "rig.toml"
         path.write_text(self.rig.toml)
@@ -40,7 +40,7 @@ class DaqProcess:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(map(str, filter(None, (REPOSITORY, packages))))},
         )
 
     def wait_until_ready(self):
