@@ -206,9 +206,8 @@ def main() -> None:
         return
     print(f"{'':<42}{'link':>10}{'bare zenoh':>12}{'ratio':>8}")
     for name, result in results.items():
-        print(
-            f"{name:<42}{result.value:>7.0f} {result.unit}{result.baseline:>9.0f} {result.unit}{result.ratio:>8.2f}"
-        )
+        ours, bare = (f"{number:.0f} {result.unit}" for number in (result.value, result.baseline))
+        print(f"{name:<42}{ours:>10}{bare:>12}{result.ratio:>8.2f}")
 
 
 if __name__ == "__main__":

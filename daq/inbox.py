@@ -68,7 +68,7 @@ class Inbox:
         if self._waits:
             if not self._wait_for_room(abandoned):
                 return
-        else:
+        elif not self._closed:
             dropped = self._make_room()
         if not self._closed:
             self._messages.put((key, payload, dropped, None, None))

@@ -29,6 +29,10 @@ Fetch = Callable[[str, int, int, int], bytes | None]
 """(key, publisher, first, end) -> packed messages from number `first` to before `end`; None: no answer."""
 
 
+class RecoveryError(ValueError):
+    """A question for missed messages that is none."""
+
+
 class Cache:
     """The newest messages of one publisher; one thread keeps, any thread packs."""
 
@@ -47,8 +51,15 @@ class Cache:
         return number
 
     def pack(self, wanted: bytes) -> bytes:
-        """Return the kept messages of a packed range of numbers, oldest first, as many as one reply takes."""
+        """Return the kept messages of a packed range of numbers, oldest first, as many as one reply takes.
+
+        Raises:
+            RecoveryError: that is no range.
+        """
+        if len(wanted) != RANGE.size:
+            raise RecoveryError(f"a range of numbers has {RANGE.size} bytes, not {len(wanted)} bytes")
         first, end = RANGE.unpack(wanted)
+        end = min(end, self.sent + 1)
         pieces: list[bytes] = []
         size = 0
         for number in range(max(first, self.sent + 1 - self._size), end):

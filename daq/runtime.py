@@ -96,8 +96,10 @@ def claim(rig: str, record: Record) -> Claim:
         AlreadyRunning: another process runs this rig.
         RuntimeRecordError: the run-time folder cannot be used.
     """
-    folder = runtime_folder()
+    if rig == "*":
+        raise ValueError("'*' cannot be the name of a rig")
     name = keys.part(rig)
+    folder = runtime_folder()
     lock = (folder / f"{name}.lock").open("w")
     try:
         if not _locked(lock, fcntl.LOCK_EX, ATTEMPTS):
