@@ -27,7 +27,7 @@ def test_prescribed_speed_is_the_set_point_and_its_integral_the_angle():
     simulation.set_speed(20.0, 100.0)
     truth = signals(simulation, 0.4)
     assert np.array_equal(truth[SPEED], truth[COMMAND])
-    # 0.2 s of ramp and 0.2 s at speed: 2 + 4 rad, reached one tick after the last sample; rounding of 1e4 sums.
+    # 0.2 s of ramp and 0.2 s at speed, 2 + 4 rad, reached one tick after the last sample; 1e4 roundings.
     assert simulation.state[9] == pytest.approx(6.0, abs=1e-11)
 
 

@@ -1,0 +1,220 @@
+"""How fast the simulator is: a run-up from 8 to 16 Hz with impacts, sampled at 25 kHz, on one core.
+
+Beside it, on the same job: a plain Runge-Kutta 4 at 10 us in numba that uses the same forces, and, on a
+stretch of it, `scipy.integrate.solve_ivp` with the same compiled derivatives, begun anew at each contact's
+entry and exit. Variants take turns in rotated order; figures are medians, in processor time. Run
+`python -m benchmarks.simulator`.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from math import tau
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from benchmarks.report import Figure, medians, parser, rotated, show
+from daq.rig import load_rig
+from simulator.compile import kernel
+from simulator.contact import contact_force, penetration
+from simulator.drive import motor_torque, next_integral, set_point
+from simulator.dynamics import collide, derivatives
+from simulator.rig import DriveMode, Model
+from simulator.simulation import Simulation, signals_for
+from simulator.state import Inputs
+from simulator.stepping import pack, unpacked, with_drive
+
+ROUNDS = 5
+CHUNK = 1000  # samples a call
+RAMP = tau * 0.5  # rad/s2: 16 s from 8 to 16 Hz
+SECONDS = 16.0
+STRETCH = 0.4  # s, for scipy
+PLAIN_SUBSTEPS = 4  # of 10 us
+DEMANDED = 50.0  # times real time
+
+
+@kernel
+def plain_run(
+    model: Model, factors: np.ndarray, ramp: np.ndarray, first: int, values: np.ndarray, out: np.ndarray
+):
+    """Fill `out` (17, n) as the simulator does, stepping 10 us at a time wherever the shaft is."""
+    tick = 40e-6
+    state = unpacked(values)
+    for column in range(out.shape[1]):
+        force = contact_force(model, factors, state)
+        for row in range(11):
+            out[row, column] = state[row]
+        out[11, column], out[12, column] = force.force_x, force.force_y
+        out[13, column], out[14, column] = force.normal, max(force.penetration, 0.0)
+        wanted = set_point(ramp, first + column, tick)
+        out[15, column], out[16, column] = wanted, 0.0
+        error = wanted - state.speed
+        torque = motor_torque(model.drive, error, state.speed_error_integral)
+        integral = next_integral(model.drive, error, state.speed_error_integral, tick)
+        inputs = Inputs(torque, 0.0, 0.0, 0.0)
+        for _ in range(PLAIN_SUBSTEPS):
+            state = collide(model, factors, inputs, inputs, inputs, tick / PLAIN_SUBSTEPS, state)
+        state = with_drive(state, state.speed, integral)
+    pack(state, values)
+
+
+@kernel
+def rates(model: Model, factors: np.ndarray, values: np.ndarray, out: np.ndarray) -> None:
+    """Write the derivatives of a state (12,) at constant speed."""
+    pack(derivatives(model, factors, Inputs(0.0, 0.0, 0.0, 0.0), unpacked(values)), out)
+
+
+@kernel
+def depth(model: Model, values: np.ndarray) -> float:
+    """Return the penetration in a state (12,)."""
+    return penetration(model, unpacked(values))
+
+
+class Job:
+    """The run-up of one model from its settled state at 8 Hz."""
+
+    def __init__(self, model: Model):
+        self.model = model
+        self.buffer = signals_for(CHUNK)
+        simulation = Simulation(model)
+        simulation.set_speed(tau * 8.0, tau * 26.7)
+        for _ in range(100):
+            simulation.advance(self.buffer)
+        self.start = simulation.state.copy()
+        self.factors = simulation.damping_factors.copy()
+
+    def simulated(self) -> float:
+        """Run the simulator; return seconds of run-up for each second of processor time."""
+        simulation = Simulation(self.model, state=self.start)
+        simulation.set_speed(tau * 16.0, RAMP)
+        contacts, begin = 0, time.process_time()
+        for _ in range(self.chunks):
+            simulation.advance(self.buffer)
+            contacts += int(self.buffer[13].max() > 0.0)
+        spent = time.process_time() - begin
+        assert contacts > 100, "the job is a run-up with impacts"
+        return SECONDS / spent
+
+    def plain(self) -> float:
+        """Run the plain integrator; return the same."""
+        values, ramp = self.start.copy(), np.array([self.start[10], tau * 16.0, RAMP, 0.0])
+        begin = time.process_time()
+        for chunk in range(self.chunks):
+            plain_run(self.model, self.factors, ramp, chunk * CHUNK, values, self.buffer)
+        return SECONDS / (time.process_time() - begin)
+
+    @property
+    def chunks(self) -> int:
+        """Calls for the whole run-up."""
+        return round(SECONDS * 25000 / CHUNK)
+
+
+class Stretch:
+    """Some settled impacts at 12 Hz, at constant speed."""
+
+    def __init__(self, model: Model):
+        self.model = model
+        simulation = Simulation(model)
+        simulation.set_speed(tau * 12.0, tau * 4.0)
+        self.buffer = signals_for(round(STRETCH * 25000))
+        for _ in range(round(6.0 / STRETCH)):
+            simulation.advance(self.buffer)
+        self.start = simulation.state.copy()
+        self.factors = simulation.damping_factors.copy()
+
+    def simulated(self) -> float:
+        """Run the simulator; return seconds of run for each second of processor time."""
+        simulation = Simulation(self.model, state=self.start)
+        begin = time.process_time()
+        for _ in range(10):
+            simulation.advance(self.buffer)
+        return 10 * STRETCH / (time.process_time() - begin)
+
+    def scipy(self) -> float:
+        """Run scipy's integrator with its own tolerances, sampled at 25 kHz; return the same."""
+        times, at, y = np.arange(round(STRETCH * 25000)) / 25000.0, 0.0, self.start.copy()
+        begin = time.process_time()
+        while at < STRETCH:
+            wanted = times[times >= at]
+            part = solve_ivp(
+                self._rates, (at, STRETCH), y, t_eval=wanted, events=self._crossing, rtol=1e-6, atol=1e-9
+            )
+            if not len(part.t_events[0]):
+                break
+            at, y = part.t_events[0][0] + 1e-9, part.y_events[0][0]
+            y = y + 1e-9 * self._rates(at, y)
+        return STRETCH / (time.process_time() - begin)
+
+    def _rates(self, _time: float, y: np.ndarray) -> np.ndarray:
+        out = np.empty(12)
+        rates(self.model, self.factors, y, out)
+        return out
+
+    def _crossing(self, _time: float, y: np.ndarray) -> float:
+        return depth(self.model, np.ascontiguousarray(y))
+
+    _crossing.terminal = True  # type: ignore[attr-defined]
+
+
+def speeds_of(variants: dict[str, Callable[[], float]]) -> dict[str, float]:
+    """Run each variant `ROUNDS` times, taking turns, after once for warming up; return the medians."""
+    found: dict[str, list[float]] = {name: [] for name in variants}
+    for variant in variants.values():
+        variant()
+    for names in rotated(list(variants), ROUNDS):
+        for name in names:
+            found[name].append(variants[name]())
+    return medians(found)
+
+
+def compile_time() -> float:
+    """Return the processor time (s) of a first start: Python, numba, and compiling the kernels."""
+    code = (
+        "from daq.rig import load_rig; from simulator.simulation import Simulation, signals_for; "
+        "Simulation(load_rig('thesis-ball').model).advance(signals_for(2))"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        environment = {**os.environ, "XDG_CACHE_HOME": folder, "NUMBA_CACHE_DIR": folder}
+        before = os.times()
+        subprocess.run([sys.executable, "-c", code], env=environment, check=True)
+        after = os.times()
+        return after.children_user - before.children_user + after.children_system - before.children_system
+
+
+def measured() -> dict[str, Figure]:
+    """Run everything and return the figures."""
+    motor = load_rig("thesis-ball").model
+    assert motor is not None
+    ideal = motor._replace(drive=motor.drive._replace(mode=DriveMode.IDEAL))
+    stretch, jobs = Stretch(Simulation(ideal).model), Job(motor)
+    speed = speeds_of(
+        {
+            "motor": jobs.simulated,
+            "ideal": Job(Simulation(ideal).model).simulated,
+            "plain": jobs.plain,
+            "stretch": stretch.simulated,
+            "scipy": stretch.scipy,
+        }
+    )
+    unit = "x real time"
+    return {
+        "run_up": Figure(speed["motor"], unit, DEMANDED, "what is demanded"),
+        "run_up_prescribed_speed": Figure(speed["ideal"], unit, DEMANDED, "what is demanded"),
+        "run_up_plain": Figure(speed["motor"], unit, speed["plain"], "plain Runge-Kutta 4 at 10 us, numba"),
+        "impacts_scipy": Figure(speed["stretch"], unit, speed["scipy"], "solve_ivp with contact events"),
+        "first_start": Figure(compile_time(), "s", 15.0, "what a new user may wait for the kernels"),
+    }
+
+
+def main() -> None:
+    """Measure and report."""
+    options = parser(__doc__).parse_args()
+    show(measured(), options.json)
+
+
+if __name__ == "__main__":
+    main()
