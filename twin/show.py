@@ -9,6 +9,7 @@ from daq import keys
 from daq.messages import MessageError, Series, decode_series
 from daq.messages_pb2 import Event, Status, TwinSummary
 from daq.rig import Rig
+from simulator.rig import BearingKind
 from twin.display import Screen
 from twin.display_data import MICRO, Scene
 
@@ -82,8 +83,9 @@ class Show:
 
     def _orbit_text(self, radius: float) -> str:
         text = f"orbit {radius:.0f} µm"
-        if self._rig.model is not None:
-            text += f" of {MICRO * self._rig.model.backup_bearing.clearance:.0f} µm"
+        bearing = self._rig.model.backup_bearing if self._rig.model else None
+        if bearing is not None and bearing.kind != BearingKind.PINNED:  # between pins it can go farther
+            text += f" of {MICRO * bearing.clearance:.0f} µm"
         return text
 
     def _on_block(self, payload: bytes) -> None:
