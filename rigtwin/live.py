@@ -88,6 +88,8 @@ def run(options: argparse.Namespace) -> int:
         over = end_condition(supervisor, plan, options.duration)
         try:
             supervisor.run(stop, over)
+            if supervisor.monitor.picture.aborted:  # by a trip or a refusal; not by the end that we order now
+                supervisor.failed = supervisor.monitor.picture.plan_over or ""
         finally:
             if stop.made:
                 supervisor.screen.line("ending in order: rotor to rest, recording closed")
@@ -210,14 +212,13 @@ def end_condition(
 
 def report(supervisor: "Supervisor", path: Path | None) -> int:
     """Say what came of the run; return the exit code."""
-    screen, picture = supervisor.screen, supervisor.monitor.picture
-    failed = supervisor.failed or (picture.plan_over if picture.aborted else "")
+    screen = supervisor.screen
     if path is not None and path.exists():
         from replay.info import brief, parts
 
         for part in parts(path):
             screen.line(brief(part))
         screen.line(f"see it again: rigtwin replay {path}")
-    if failed:
-        screen.line(f"the run did not go as planned: {failed}")
-    return 1 if failed else 0
+    if supervisor.failed:
+        screen.line(f"the run did not go as planned: {supervisor.failed}")
+    return 1 if supervisor.failed else 0
