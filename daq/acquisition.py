@@ -220,7 +220,7 @@ class Acquisition:
     def _lateness(self) -> int:
         """Flag a read after which a whole read, or more, is still waiting."""
         late = self._paced and self._backend.clock() - self.sample >= self.rig.acquisition.read
-        return BlockStatus.LATE if late else BlockStatus(0)
+        return LATE if late else 0
 
     def _carry_out(self, command: Command, sample: int) -> Answer:
         """Perform an accepted command. Raises `CommandError` or `PastSampleError` when it is refused."""

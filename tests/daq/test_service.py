@@ -173,12 +173,14 @@ def test_a_daq_that_was_stopped_for_longer_than_the_buffer_says_what_is_lost(sta
 
 
 def test_it_ends_by_itself_after_a_duration(start):
-    daq = start("--duration", "0.5", "--run", "my-run").wait_until_ready()
+    daq = start("--duration", "0.5", "--run", "my-run", "--wait-for", "recorder")
     client = Client(daq.rig)
     try:
+        recorder = client.data.announce(keys.alive(daq.rig.name, "recorder"))
         end = client.event("end")
         assert int(end.details["samples"]) >= 12_500
         assert end.run == "my-run"
+        recorder.close()
         assert daq.process.wait(30) == 0
     finally:
         client.close()
