@@ -12,6 +12,7 @@ from twin.findings import Findings, RegimeChange
 from twin.observer import STRIDE, Estimated, EstimateStatus, Observer
 
 SOURCE = "twin"
+LOST_PERIOD = 1.0  # s in which a state that is lost again and again is told once
 
 
 class Twin:
@@ -39,6 +40,7 @@ class Twin:
         self._rate = rig.acquisition.rate
         self._t0 = t0_ns * 1e-9
         self._sequence = 0
+        self._quiet_until = 0
         self._encoder = SeriesEncoder(run, self._rate, self.observer.names, self.observer.units, STRIDE)
         self._keys = keys.estimate(rig.name), keys.twin_summary(rig.name), keys.event(rig.name, SOURCE)
 
@@ -86,7 +88,8 @@ class Twin:
         if estimated.restarted and self.samples == 0:
             text = "the estimate begins" if first == 0 else f"the estimate begins late, {self._after(first)}"
             return [self._event("start", text, first)]
-        if estimated.status & EstimateStatus.LOST:
+        if estimated.status & EstimateStatus.LOST and first >= self._quiet_until:
+            self._quiet_until = first + round(LOST_PERIOD * self._rate)
             text = "measurement and model contradict each other: the state is set anew from the measurement"
             return [self._event("lost", text, first, WARNING)]
         return []

@@ -102,8 +102,9 @@ def solenoid_moment(feeds: Feeds, samples: np.ndarray, k: int) -> tuple[float, f
     moment_x, moment_y = 0.0, 0.0
     for i in range(feeds.currents.size):
         current = samples[feeds.currents[i], k]
-        moment_x += feeds.moments[i, 0] * current
-        moment_y += feeds.moments[i, 1] * current
+        if np.isfinite(current):
+            moment_x += feeds.moments[i, 0] * current
+            moment_y += feeds.moments[i, 1] * current
     return moment_x, moment_y
 
 

@@ -28,9 +28,9 @@ class Tuning(NamedTuple):
     ring_noise: float = 1.0  # rad/s/sqrt(s), on the inner ring
     unbalance_walk: float = 1e-8  # kg m/sqrt(s): how fast the unbalance may change
     moment_walk: float = 1e-5  # N m/sqrt(s): how fast the static moment may change
-    residual_memory: float = 0.97  # of the residual contact force, per tick in contact
-    residual_noise: float = 0.02  # N a tick, of the residual contact force
-    residual_share: float = 0.02  # of the normal force a tick, likewise
+    residual_time: float = 0.04  # s after which the residual contact force is forgotten
+    residual_noise: float = 24.0  # N/sqrt(s): how fast the residual contact force may change
+    residual_share: float = 1.6  # of the normal force/sqrt(s), likewise
 
 
 class Memory(NamedTuple):

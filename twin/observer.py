@@ -42,7 +42,6 @@ SETTLING_TIME = 0.1  # s after a restart during which the estimate is not vouche
 LOST_RATIO = 100.0  # mean innovation variance over its expectation at which the observer starts anew
 UNBALANCE_PRIOR = 2.0  # times the described unbalance: how large the true one may be
 MOMENT_PRIOR = 0.2  # of the described static moment
-RING_PRIOR = 20.0  # rad/s
 
 OUTPUTS = {
     "tilt_x": "rad",
@@ -138,7 +137,7 @@ class Observer:
         self.sensors = sensors_of(rig, self.tuning)
         self.feeds = feeds_of(rig)
         self.tick = tick_of(self.model, 1.0 / rig.acquisition.rate)
-        self.memory = first_memory(rig.model, rig.acquisition.rate)
+        self.memory = first_memory(rig.model)
         self.expected: int | None = None
         self._settled_from = 0
         self._lost = True
@@ -216,8 +215,7 @@ class Observer:
         if self._is_lost(out, tally, start):
             status |= EstimateStatus.LOST
             self._lost = True
-            if not np.isfinite(self.memory.state).all():
-                self.memory = first_memory(self.described, self.rig.acquisition.rate)
+            self.memory = first_memory(self.described)
         if series.first_sample < self._settled_from:
             status |= EstimateStatus.SETTLING
         return self._estimated(series, out, status, missing, tally)
@@ -263,7 +261,7 @@ def bare(model: Model) -> Model:
     return checked(model._replace(rotor=rotor, drive=model.drive._replace(mode=DriveMode.IDEAL)))
 
 
-def first_memory(model: Model, rate: float) -> Memory:
+def first_memory(model: Model) -> Memory:
     """Return the memory of an observer that has seen nothing: what the rig's description says, with doubt."""
     memory = new_memory()
     rotor = model.rotor

@@ -59,7 +59,7 @@ def predict(
     else:
         free_flow(model, memory, step)
         fly(memory, total_x, total_y)
-    fill_transition(memory, tuning, pull_x, pull_y)
+    fill_transition(memory, 1.0 - step / tuning.residual_time, pull_x, pull_y)
     congruence(memory.transition, memory.covariance, memory.square_work)
     spread(model, memory, tuning, step)
 
@@ -204,13 +204,13 @@ def add_residual(memory: Memory) -> None:
 
 
 @kernel
-def fill_transition(memory: Memory, tuning: Tuning, pull_x: float, pull_y: float) -> None:
+def fill_transition(memory: Memory, ageing: float, pull_x: float, pull_y: float) -> None:
     """Set the transition of small deviations of the whole state from the tick's flow, and age the residual.
 
-    Out of contact there is no residual force: it is forgotten.
+    In contact `ageing` of the residual force is left after the tick; out of contact there is none.
     """
     transition, flow = memory.transition, memory.flow
-    kept = tuning.residual_memory if memory.force[0] > 0.0 else 0.0
+    kept = ageing if memory.force[0] > 0.0 else 0.0
     for i in range(DYNAMIC):
         for j in range(DYNAMIC):
             transition[i, j] = flow[i, j]
@@ -240,5 +240,6 @@ def spread(model: Model, memory: Memory, tuning: Tuning, step: float) -> None:
         covariance[MOMENT + axis, MOMENT + axis] += tuning.moment_walk**2 * step
         if normal > 0.0:
             residual = RESIDUAL + axis
-            covariance[residual, residual] += (tuning.residual_share * normal) ** 2 + tuning.residual_noise**2
+            change = (tuning.residual_share * normal) ** 2 + tuning.residual_noise**2
+            covariance[residual, residual] += change * step
     covariance[RING, RING] += tuning.ring_noise**2 * step

@@ -24,11 +24,14 @@ def track(shaft: np.ndarray, reading: float, step: float) -> None:
 
     `shaft` (3,) holds the unwrapped angle (rad), speed (rad/s) and acceleration (rad/s2) at the previous
     sample and is changed in place; `reading` is the encoder's angle now in rad, wrapped or not; `step` in s.
+    Without a reading (NaN) the loop goes on as it was.
     """
     speed = shaft[SPEED] + shaft[ACCELERATION] * step
     angle = shaft[ANGLE] + shaft[SPEED] * step + 0.5 * shaft[ACCELERATION] * step * step
     error = reading - angle
     error -= TURN * np.floor(error / TURN + 0.5)
+    if not np.isfinite(error):
+        error = 0.0
     gain = TRACKING_BANDWIDTH * step
     shaft[ANGLE] = angle + 3.0 * gain * error
     shaft[SPEED] = speed + 3.0 * gain * gain * error / step
@@ -45,7 +48,8 @@ def lock(shaft: np.ndarray, readings: np.ndarray, sense: float, step: float) -> 
     turned = 0.0
     for i in range(1, readings.size):
         change = readings[i] - readings[i - 1]
-        turned += change - TURN * np.floor(change / TURN + 0.5)
-    shaft[ANGLE] = sense * readings[0]
+        if np.isfinite(change):
+            turned += change - TURN * np.floor(change / TURN + 0.5)
+    shaft[ANGLE] = sense * readings[0] if np.isfinite(readings[0]) else 0.0
     shaft[SPEED] = sense * turned / (step * max(readings.size - 1, 1))
     shaft[ACCELERATION] = 0.0

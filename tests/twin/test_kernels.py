@@ -1,0 +1,137 @@
+"""The observer's kernels against closed forms and other ways to compute the same."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from daq.rig import load_rig
+from simulator.contact import contact_force
+from simulator.dynamics import derivatives
+from simulator.state import Inputs, State
+from twin.correction import correct
+from twin.layout import DYNAMIC, INPUTS
+from twin.linear import congruence, discretise, multiply
+from twin.observer import bare
+from twin.slopes import add_contact, contact_slopes, free_rates, input_rates
+from twin.tracking import lock, track
+
+STEP = 4e-5
+
+
+@pytest.fixture(scope="module")
+def model():
+    return bare(load_rig("thesis-ball").model)
+
+
+def pressed(depth: float) -> State:
+    """Return a state with the shaft `depth` m in the wall, below and a little to the right, sliding."""
+    tilt = (1.5e-3 + depth) / 0.211
+    return State(
+        0.2 * tilt, -np.sqrt(1 - 0.04) * tilt, 0.1, -0.3, 1e-7, -2e-7, 1e-3, -2e-3, 40.0, 0.3, 80.0, 0.0
+    )
+
+
+def test_products_skip_nothing_that_matters():
+    draw = np.random.default_rng(1)
+    left, right = draw.normal(size=(5, 7)), draw.normal(size=(7, 4))
+    left[np.abs(left) < 0.5] = 0.0
+    out = np.empty((5, 4))
+    multiply(left, right, out)
+    assert out == pytest.approx(left @ right)
+
+
+def test_a_covariance_stays_symmetric():
+    draw = np.random.default_rng(2)
+    transition, root = draw.normal(size=(2, 6, 6))
+    covariance = root @ root.T
+    expected = transition @ covariance @ transition.T
+    congruence(transition, covariance, np.empty((2, 6, 6)))
+    assert covariance == pytest.approx(expected)
+    assert (covariance == covariance.T).all()
+
+
+@pytest.mark.parametrize(("depth", "doublings"), [(-1e-3, 1), (5e-5, 3), (4e-4, 6)])
+def test_a_tick_is_the_matrix_exponential(model, depth, doublings):
+    rates, inputs = np.empty((DYNAMIC, DYNAMIC)), np.empty((DYNAMIC, INPUTS))
+    free_rates(model, 80.0, rates)
+    input_rates(model, inputs)
+    slopes = np.empty((5, 5))
+    contact_slopes(model, np.full(4, 2.1), pressed(depth), slopes)
+    add_contact(model, slopes, rates)
+    flow = np.empty((DYNAMIC, DYNAMIC + INPUTS))
+    discretise(rates, inputs, STEP, doublings, flow, np.empty((2, DYNAMIC, DYNAMIC + INPUTS)))
+    whole = np.zeros((DYNAMIC + INPUTS, DYNAMIC + INPUTS))
+    whole[:DYNAMIC, :DYNAMIC], whole[:DYNAMIC, DYNAMIC:] = rates, inputs
+    scale = np.array([1.0] * 2 + [1e2] * 2 + [1e-3] * 2 + [1.0] * 2 + [1e3] + [1.0] * INPUTS)
+    expected = expm(whole * STEP)[:DYNAMIC]
+    assert flow / scale[:DYNAMIC, None] * scale == pytest.approx(
+        expected / scale[:DYNAMIC, None] * scale, rel=5e-3, abs=1e-5
+    )
+
+
+def test_the_rates_are_those_of_the_simulator(model):
+    """Compare each column of the matrix with differences of the simulator's derivatives, in contact."""
+    here, inputs, factors = pressed(8e-5), Inputs(0.0, 0.0, 0.0, 0.0), np.full(4, 2.1)
+    rates, slopes = np.empty((DYNAMIC, DYNAMIC)), np.empty((5, 5))
+    free_rates(model, here.speed, rates)
+    assert contact_slopes(model, factors, here, slopes) == contact_force(model, factors, here)
+    add_contact(model, slopes, rates)
+    steps = [1e-7, 1e-7, 1e-5, 1e-5, 1e-8, 1e-8, 1e-6, 1e-6, 1e-3]
+    for column, step in enumerate(steps):
+        there = here._replace(**{State._fields[column]: here[column] + step})
+        change = np.subtract(
+            derivatives(model, factors, inputs, there), derivatives(model, factors, inputs, here)
+        )
+        expected = change[:DYNAMIC] / step
+        scale = np.abs(rates[:, column]).max()
+        assert rates[:, column] == pytest.approx(expected, rel=0.02, abs=1e-3 * scale)
+
+
+def test_a_scalar_correction_is_kalmans():
+    draw = np.random.default_rng(3)
+    root = draw.normal(size=(4, 4))
+    covariance, state = root @ root.T, draw.normal(size=4)
+    row = np.array([0.3, 0.0, -1.2, 0.0])
+    spread = row @ covariance @ row + 0.5
+    gain = covariance @ row / spread
+    expected = state + 0.7 * gain, covariance - np.outer(gain, row @ covariance)
+    ratio = correct(state, covariance, np.array([0.3, -1.2]), np.array([0, 2]), 0.7, 0.5, np.empty(4))
+    assert state == pytest.approx(expected[0])
+    assert covariance == pytest.approx(expected[1])
+    assert ratio == pytest.approx(0.49 / spread)
+
+
+def counts(angle: np.ndarray) -> np.ndarray:
+    """Return what an encoder of 4096 counts reads, within one turn."""
+    turn = 2 * np.pi
+    return np.round(angle / turn * 4096) % 4096 * turn / 4096
+
+
+def test_the_tracking_loop_follows_a_ramp_without_lag():
+    time = np.arange(25000) * STEP
+    angle, speed = 3.0 + 60.0 * time + 50.0 * time**2, 60.0 + 100.0 * time
+    shaft = np.zeros(3)
+    lock(shaft, counts(angle[:250]), 1.0, STEP)
+    errors = []
+    for reading, true_angle, true_speed in zip(counts(angle), angle, speed, strict=True):
+        track(shaft, reading, STEP)
+        errors.append((shaft[0] - true_angle, shaft[1] - true_speed, shaft[2] - 100.0))
+    angle_error, speed_error, acceleration_error = np.abs(np.array(errors)[12500:]).max(axis=0)
+    assert angle_error < 1e-3
+    assert speed_error < 0.2
+    assert acceleration_error < 60.0
+
+
+def test_the_tracking_loop_stands_still_with_the_shaft():
+    shaft = np.zeros(3)
+    readings = np.full(5000, counts(np.array([1.0]))[0])
+    lock(shaft, readings[:250], 1.0, STEP)
+    for reading in readings:
+        track(shaft, reading, STEP)
+    assert shaft == pytest.approx([readings[0], 0.0, 0.0])
+
+
+def test_an_encoder_that_counts_down_is_locked_backwards():
+    shaft = np.zeros(3)
+    lock(shaft, counts(-60.0 * np.arange(250) * STEP), -1.0, STEP)
+    assert shaft[1] == pytest.approx(60.0, abs=0.2)
