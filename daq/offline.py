@@ -71,6 +71,7 @@ class _Performance:
         self._reason: str | None = None  # why the plan ended; None as long as it has not
 
     def run(self, make: Callable[[Publish], Acquisition]) -> Outcome:
+        """Perform the plan on the acquisition that `make` gives for what is to hear all it publishes."""
         acquisition = make(self._hear)
         operation = Operation(self._rig, self._plan, acquisition.serve, self._hear_operator)
         acquisition.begin()

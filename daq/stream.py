@@ -42,23 +42,17 @@ class Stream:
         publish: Publish,
         truth: tuple[Sequence[str], Sequence[str]] | None = None,
     ) -> None:
-        rate, block, names, units = (
-            rig.acquisition.rate,
-            rig.acquisition.block,
-            rig.channels.names,
-            rig.channels.units,
-        )
+        rate, block = rig.acquisition.rate, rig.acquisition.block
+        names, units = rig.channels.names, rig.channels.units
         self._rate = rate
         self._start = start
         self._publish = publish
         self._planes = {condition.name: condition.planes for condition in guard.conditions}
         speed = self._planes.get("speed")
         self._speed_row = rows_of(speed[0], len(names))[0] if speed else None
-        self._block_key, self._truth_key, self._summary_key = (
-            keys.block(rig.name),
-            keys.truth(rig.name),
-            keys.summary(rig.name),
-        )
+        self._block_key = keys.block(rig.name)
+        self._truth_key = keys.truth(rig.name)
+        self._summary_key = keys.summary(rig.name)
         self._channel_keys = [keys.channel_summary(rig.name, name) for name in names]
         self._encoder = SeriesEncoder(run, rate, names, units)
         self._blocks = Collector(len(names), block, 1, self._publish_block)
