@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Literal
 
@@ -100,6 +101,7 @@ class Inbox:
                     if due is not None or self._closed or _remaining(deadline) == 0.0:
                         return due
                 self._catching_up = None
+                timeout = _remaining(deadline)
             try:
                 message = self._messages.get(timeout=timeout)
             except Empty:
@@ -116,7 +118,6 @@ class Inbox:
             if payload is not None and recovery.is_due(stamp):
                 return key, payload
             self._catching_up = _with_key(key, recovery.catch_up(key, stamp, payload))
-            timeout = _remaining(deadline)
 
     def close(self) -> None:
         """Take no more messages and release whoever waits, in `put` or in `get`."""
@@ -138,21 +139,16 @@ class Inbox:
 
     def _make_room(self) -> int:
         """Take the room of a new message, the oldest message's if need be; return the drops to report."""
-        try:
-            self._room.get_nowait()
-        except Empty:
-            return self._drop_oldest()
+        while not self._closed:
+            with suppress(Empty):
+                self._room.get_nowait()
+                return 0
+            with suppress(Empty):
+                oldest = self._messages.get_nowait()
+                if oldest is not None:
+                    return oldest[2] + 1
+                self._messages.put(None)
         return 0
-
-    def _drop_oldest(self) -> int:
-        try:
-            oldest = self._messages.get_nowait()
-        except Empty:
-            return 0
-        if oldest is None:
-            self._messages.put(None)
-            return 0
-        return oldest[2] + 1
 
 
 def _remaining(deadline: float | None) -> float | None:

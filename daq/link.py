@@ -13,6 +13,7 @@ import json
 import random
 import re
 import socket
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -49,6 +50,9 @@ PATIENCE_US = 24 * 3600 * 1_000_000
 HEARTBEAT_S = 0.25
 """Period at which a link tells the newest numbers of its caching publishers."""
 FETCH_TIMEOUT_S = 0.5
+SETTLING_S = 0.3
+"""A new link may be connected and not yet know what the others serve; for so long it asks them again."""
+ASK_AGAIN_S = 0.005
 RECOVER = "@recover"
 """Part of the keys between a recovering subscription and a caching publisher; no wildcard matches it."""
 REFUSAL = "rigtwin/refusal"
@@ -211,6 +215,7 @@ class Link:
         for endpoint in (*listen, *connect):
             if not ENDPOINT.fullmatch(endpoint):
                 raise LinkError(f"endpoint {endpoint!r}: expected protocol/host:port, as tcp/127.0.0.1:7447")
+        self._settled = time.monotonic() + (SETTLING_S if connect else 0.0)
         self._wait_for_room = wait_for_room
         self._declarations: list[Declaration] = []
         self._heart = _Heart()
@@ -312,6 +317,8 @@ class Link:
     def ask(self, key: str, payload: bytes, timeout: float = 0.5) -> bytes:
         """Send a query and return the first answer.
 
+        A link that was opened less than 0.3 s ago asks again before it says that nobody serves the key.
+
         Args:
             key: the exact key that someone serves.
             payload: what to send.
@@ -323,7 +330,13 @@ class Link:
             Refused: the answer is an error.
             LinkError: the link is closed.
         """
-        return self._ask(key, payload, timeout, express=True)
+        while True:
+            try:
+                return self._ask(key, payload, timeout, express=True)
+            except NoAnswer:
+                if time.monotonic() > self._settled:
+                    raise
+                time.sleep(ASK_AGAIN_S)
 
     def announce(self, key: str) -> Declaration:
         """Show that this process is there until the declaration or the link is closed, or the process dies.
@@ -446,6 +459,7 @@ def _configuration(
         "listen/endpoints": list(listen),
         "connect/endpoints": list(connect),
         "connect/retry": RETRY,
+        "open/return_conditions/declares": False,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": lease_ms,
     }

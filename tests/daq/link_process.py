@@ -36,12 +36,12 @@ def summarise(numbers: list[int], digest: str) -> str:
     )
 
 
-def receive(port: int, recover: str, delay_ms: str, stop_at: str) -> None:
+def receive(port: int, recover: str, delay_ms: str, stop_at: str, lease_ms: str = "10000") -> None:
     """Receive until the end payload; sleep after each block, and stop (SIGSTOP) at one of them."""
     inbox = Inbox(50, "wait")
     numbers: list[int] = []
     digest = hashlib.sha256()
-    with Link(connect=[f"tcp/127.0.0.1:{port}"]) as link:
+    with Link(connect=[f"tcp/127.0.0.1:{port}"], lease_ms=int(lease_ms)) as link:
         link.subscribe(KEY, inbox, recover=recover == "recover")
         link.announce("rig/test/receiver/alive")
         say("ready")
