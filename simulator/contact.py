@@ -84,15 +84,21 @@ def pin_wall(
 
 
 @inlined
-def normal_force(stiffness: float, damping_factor: float, penetration: float, rate: float) -> float:
+def normal_force(bearing: BackupBearing, damping_factor: float, depth: float, rate: float) -> float:
     """Return Hunt and Crossley's force, N: k d^1.5 (1 + 1.5 eta d'), never pulling (P3 eq 20, P1 eq 11).
 
-    Units: N/m^1.5, s/m, m, m/s (positive while closing).
+    `damping_factor` is eta in s/m, `depth` the penetration d in m, `rate` d' in m/s, positive while closing.
     """
-    if penetration <= 0.0:
+    if depth <= 0.0:
         return 0.0
-    elastic = stiffness * penetration * sqrt(penetration)
+    elastic = bearing.stiffness * depth * sqrt(depth)
     return max(0.0, elastic * (1.0 + 1.5 * damping_factor * rate))
+
+
+@inlined
+def normal_stiffness(bearing: BackupBearing, depth: float) -> float:
+    """Return the elastic part's slope, N/m, at a penetration (m)."""
+    return 1.5 * bearing.stiffness * sqrt(max(depth, 0.0))
 
 
 @inlined
@@ -150,7 +156,7 @@ def candidate_contact(model: Model, damping_factor: float, index: int, state: St
     rotor, bearing = model.rotor, model.backup_bearing
     x, y, rate_x, rate_y = relative_motion(model, state)
     nx, ny, depth = wall(bearing, rotor.shaft_radius, index, x, y)
-    normal = normal_force(bearing.stiffness, damping_factor, depth, rate_x * nx + rate_y * ny)
+    normal = normal_force(bearing, damping_factor, depth, rate_x * nx + rate_y * ny)
     if normal == 0.0:
         return Contact(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, depth)
     slip_t, slip_z, lever_x, lever_y = slip(model, state, nx, ny, rate_y * nx - rate_x * ny)

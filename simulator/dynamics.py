@@ -16,7 +16,15 @@ from typing import NamedTuple
 import numpy as np
 
 from simulator.compile import inlined, kernel
-from simulator.contact import candidate_count, contact_force, normal_force, relative_motion, ring_radius, wall
+from simulator.contact import (
+    candidate_count,
+    contact_force,
+    normal_force,
+    normal_stiffness,
+    relative_motion,
+    ring_radius,
+    wall,
+)
 from simulator.numeric import sine_cosine
 from simulator.rig import DriveMode, Model, Rotor
 from simulator.state import Inputs, State
@@ -289,8 +297,8 @@ def contact_substeps(model: Model, tick: Tick, damping_factors: np.ndarray, stat
         rate = rate_x * nx + rate_y * ny
         depth += max(rate, 0.0) * tick.length
         deepest = max(deepest, depth)
-        normal += normal_force(bearing.stiffness, damping_factors[index], depth, rate)
+        normal += normal_force(bearing, damping_factors[index], depth, rate)
     damping = bearing.friction * normal / bearing.slip_speed * tick.mobility
-    stiffness = 1.5 * bearing.stiffness * sqrt(deepest) * tick.approach
+    stiffness = normal_stiffness(bearing, deepest) * tick.approach
     needed = tick.length * max(damping / FRICTION_TURN, sqrt(stiffness) / CONTACT_TURN)
     return ceil(min(max(needed, tick.least_substeps), tick.most_substeps))

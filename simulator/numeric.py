@@ -3,7 +3,7 @@
 The C library's sine and exponential differ in the last bit between processors; these do not.
 """
 
-from math import floor
+from math import floor, radians
 
 import numpy as np
 
@@ -66,6 +66,14 @@ def in_quarter(quarter: int, sine: float, cosine: float) -> tuple[float, float]:
     if quarter == 2:
         return -sine, -cosine
     return -cosine, sine
+
+
+def direction(angle_deg: float) -> tuple[float, float]:
+    """Return the unit vector (x, y) at an angle from +x towards +y, exact at right angles."""
+    quarter = round(angle_deg / 90.0)
+    sine, cosine = sine_cosine(radians(angle_deg - 90.0 * quarter))
+    y, x = in_quarter(quarter % 4, sine, cosine)
+    return x, y
 
 
 @inlined

@@ -7,14 +7,14 @@ sample index alone, so equal samples are equal however they are read.
 """
 
 from collections.abc import Iterable
-from math import cos, floor, inf, radians, sin, sqrt, tau
+from math import floor, inf, sqrt, tau
 from typing import NamedTuple
 
 import numpy as np
 
 from simulator.compile import inlined, kernel
 from simulator.instruments import Encoder, Imperfections, Probe
-from simulator.numeric import normal_noise, stream_key
+from simulator.numeric import direction, normal_noise, stream_key
 from simulator.rig import Model, RigError
 from simulator.state import SIGNALS
 
@@ -118,16 +118,8 @@ def source_of(
 
 def along(channel: Probe, vector: str, scale: float, noise: float) -> Source:
     """Return the source of a channel that sees a vector's component along its axis, times `scale`."""
-    angle = radians(needed(channel, "angle_deg"))
-    a, b = ROWS[f"{vector}_x"], ROWS[f"{vector}_y"]
-    return Source(
-        VOLTS, a, b, scale * right_angled(cos(angle)), scale * right_angled(sin(angle)), 0.0, noise, True
-    )
-
-
-def right_angled(value: float) -> float:
-    """Return the cosine or sine of a multiple of 90 degrees without its rounding error."""
-    return value if abs(value) > 1e-15 else 0.0
+    x, y = direction(needed(channel, "angle_deg"))
+    return Source(VOLTS, ROWS[f"{vector}_x"], ROWS[f"{vector}_y"], scale * x, scale * y, 0.0, noise, True)
 
 
 def encoder_source(channel: Probe, encoder: Encoder | None) -> Source:

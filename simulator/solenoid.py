@@ -1,11 +1,9 @@
 """Half-sine force pulses of the solenoids."""
 
-from math import cos, radians, sin
-
 import numpy as np
 
 from simulator.compile import inlined
-from simulator.numeric import sine_cosine
+from simulator.numeric import direction, sine_cosine
 from simulator.rig import Solenoid
 
 PI = 3.14159265358979312
@@ -17,8 +15,9 @@ PULSE_FIELDS = 5
 
 def pulse_row(solenoid: Solenoid, force: float, duration: float, sample: int) -> np.ndarray:
     """Return the row, shape (1, 5), of a pulse with peak `force` (N) and `duration` (s) from `sample` on."""
-    angle, moment = radians(solenoid.angle_deg), solenoid.station * force
-    return np.array([[float(sample), duration, moment * cos(angle), moment * sin(angle), force]])
+    x, y = direction(solenoid.angle_deg)
+    moment = solenoid.station * force
+    return np.array([[float(sample), duration, moment * x, moment * y, force]])
 
 
 @inlined

@@ -3,7 +3,16 @@ from math import hypot, log, pi, sqrt
 import numpy as np
 import pytest
 
-from simulator.contact import beyond_pins, contact_force, friction, latch, normal_force, penetration, wall
+from simulator.contact import (
+    beyond_pins,
+    contact_force,
+    friction,
+    latch,
+    normal_force,
+    normal_stiffness,
+    penetration,
+    wall,
+)
 from simulator.simulation import Simulation
 from simulator.state import State
 from tests.simulator.rigs import changed, ideal, model_of, signals, state
@@ -65,10 +74,20 @@ def test_leaving_the_pins_behind_is_told():
 
 
 def test_normal_force_never_pulls():
-    assert normal_force(5e7, 2.1, 1e-4, 0.0) == pytest.approx(5e7 * 1e-6)
-    assert normal_force(5e7, 2.1, 1e-4, 0.1) == pytest.approx(5e7 * 1e-6 * 1.315)
-    assert normal_force(5e7, 2.1, 1e-4, -1.0) == 0.0
-    assert normal_force(5e7, 2.1, -1e-9, 1.0) == 0.0
+    bearing = model_of("ball").backup_bearing
+    assert normal_force(bearing, 2.1, 1e-4, 0.0) == pytest.approx(5e7 * 1e-6)
+    assert normal_force(bearing, 2.1, 1e-4, 0.1) == pytest.approx(5e7 * 1e-6 * 1.315)
+    assert normal_force(bearing, 2.1, 1e-4, -1.0) == 0.0
+    assert normal_force(bearing, 2.1, -1e-9, 1.0) == 0.0
+
+
+def test_normal_stiffness_is_the_slope_of_the_force():
+    bearing = model_of("ball").backup_bearing
+    slope = (normal_force(bearing, 0.0, 1.001e-4, 0.0) - normal_force(bearing, 0.0, 0.999e-4, 0.0)) / 0.002e-4
+    assert normal_stiffness(bearing, 1e-4) == pytest.approx(
+        slope, rel=1e-6
+    )  # third-order term of the difference
+    assert normal_stiffness(bearing, -1e-4) == 0.0
 
 
 def test_friction_dissipates_at_every_sliding_direction():

@@ -1,9 +1,10 @@
 from math import cos, pi, sin
 
 import numpy as np
+import pytest
 
 from simulator.compile import kernel
-from simulator.numeric import normal_noise, sine_cosine, stream_key
+from simulator.numeric import direction, normal_noise, sine_cosine, stream_key
 
 
 @kernel
@@ -26,6 +27,24 @@ def test_sine_and_cosine_equal_the_library_s():
         sine, cosine = sine_cosine(float(angle))
         assert abs(sine - sin(angle)) < 3e-16
         assert abs(cosine - cos(angle)) < 3e-16
+
+
+def test_directions_are_exact_at_right_angles():
+    for angle, vector in (
+        (0, (1, 0)),
+        (90, (0, 1)),
+        (180, (-1, 0)),
+        (270, (0, -1)),
+        (-90, (0, -1)),
+        (360, (1, 0)),
+    ):
+        assert direction(float(angle)) == vector
+    for angle in np.linspace(-360.0, 360.0, 97):
+        x, y = direction(float(angle))
+        assert (x, y) == (
+            pytest.approx(cos(angle * pi / 180), abs=4e-16),
+            pytest.approx(sin(angle * pi / 180), abs=4e-16),
+        )
 
 
 def test_noise_is_normal_to_the_stated_degree():
