@@ -14,11 +14,14 @@ from typing import NamedTuple
 
 from daq import keys
 from daq.fingerprint import numeric_fingerprint
-from daq.messages import TIMING_FLAGS, BlockStatus, Series, decode_series, read_header
+from daq.messages import TIMING_FLAGS, BlockStatus, decode_series, read_header
 from daq.messages_pb2 import Event
+from daq.series_layout import HeaderLayout, Layout, variable
 
 SERIES = ("Block", "Estimate", "Truth")
 DIGESTED = {"Block": "block", "Estimate": "estimate", "Truth": "truth"}
+QUALITY = ~int(TIMING_FLAGS)
+LATE = int(BlockStatus.LATE)
 SIGNAL = struct.Struct("<QIII")
 
 
@@ -144,8 +147,6 @@ class Entry(NamedTuple):
     """Sample index that it refers to."""
     sequence: int
     """Block number of a block; of the others, a count within their topic."""
-    series: Series | None
-    """The decoded message, of a block, an estimate or a truth."""
 
 
 class Ledger:
@@ -170,6 +171,8 @@ class Ledger:
         self._skip: dict[str, int] = {}
         self._late = 0
         self._block = 0
+        self._header = HeaderLayout(run)
+        self._layouts: dict[str, Layout] = {}
         self._file = hashlib.sha256()
         self._signals = {name: hashlib.sha256() for name in SERIES}
 
@@ -207,12 +210,12 @@ class Ledger:
         if kind is None:
             kind = self._kinds[key] = keys.topic(key).message
         if kind in SERIES:
-            series = decode_series(payload)
-            entry = self._admit_series(key, kind, series) if self._of_this_run(series.run) else None
+            entry = self._admit_series(key, kind, payload)
         else:
-            _timestamp, run, sample = read_header(payload)
-            known = self._of_this_run(run) and self._is_new(key, kind, sample, payload)
-            entry = Entry(sample, self._messages[key], None) if known else None
+            sample = self._sample(payload)
+            entry = None
+            if sample is not None and self._is_new(key, kind, sample, payload):
+                entry = Entry(sample, self._messages[key])
         if entry is not None:
             self._messages[key] += 1
             self._file.update(payload)
@@ -251,29 +254,41 @@ class Ledger:
         )
 
     def _of_this_run(self, run: str) -> bool:
-        self.run = self.run or run
+        if not self.run:
+            self.run, self._header = run, HeaderLayout(run)
         return run == self.run
 
-    def _admit_series(self, key: str, kind: str, series: Series) -> Entry | None:
-        first, stride = series.first_sample, series.stride or 1
-        n_samples = series.samples.shape[1]
+    def _sample(self, payload: bytes) -> int | None:
+        """Return the sample index of a message; None when it is of another run."""
+        sample = self._header.read(payload)
+        if sample is not None:
+            return sample
+        _timestamp, run, sample = read_header(payload)
+        return sample if self._of_this_run(run) else None
+
+    def _admit_series(self, key: str, kind: str, payload: bytes) -> Entry | None:
+        layout = self._layouts.get(key)
+        found = layout.read(payload) if layout else None
+        if found is None:
+            series = decode_series(payload)
+            if not self._of_this_run(series.run):
+                return None
+            found = variable(series)
+            self._layouts[key] = Layout(series)
+        first, columns = found.first_sample, found.shape[1]
         if first < self._skip.get(key, self.first_sample):
             return None
-        if not self.covered(kind).add(first, first + n_samples * stride):
+        if not self.covered(kind).add(first, first + columns * self._layouts[key].stride):
             return None
-        self._digest(kind, series)
+        digest = self._signals[kind]
+        digest.update(SIGNAL.pack(first, found.status & QUALITY, *found.shape) + found.labels)
+        digest.update(found.samples)
         sequence = self._messages[key]
         if kind == "Block":
-            self._block = self._block or n_samples
-            self._late += bool(series.status & BlockStatus.LATE)
+            self._block = self._block or columns
+            self._late += bool(found.status & LATE)
             sequence = first // self._block
-        return Entry(first, sequence, series)
-
-    def _digest(self, kind: str, series: Series) -> None:
-        digest, samples = self._signals[kind], series.samples
-        digest.update(SIGNAL.pack(series.first_sample, series.status & ~TIMING_FLAGS, *samples.shape))
-        digest.update("\0".join([*series.names, *series.units]).encode())
-        digest.update(samples.tobytes())
+        return Entry(first, sequence)
 
     def _is_new(self, key: str, kind: str, sample: int, payload: bytes) -> bool:
         if kind == "Event":

@@ -257,21 +257,22 @@ class Recording:
             )
         return _join(found, names or known)
 
-    def check(self, on_series: Callable[[str, Series], None] | None = None) -> Check:
+    def check(self, on_block: Callable[[Series], None] | None = None) -> Check:
         """Make the account anew from what the file holds and compare it with the certificate.
 
         Args:
-            on_series: called with the key and each block, estimate and truth on the way.
+            on_block: called with each block on the way.
         """
         stored = self.certificate
         ledger, clock = Ledger(self.description.run, self.description.first_sample), self.clock
+        block = keys.block(self.description.rig)
         wrong_times = 0
         for message in self.messages():
             entry = ledger.admit(message.key, message.payload)
             if entry is not None:
                 wrong_times += message.log_time != clock.ns(entry.sample)
-                if entry.series is not None and on_series is not None:
-                    on_series(message.key, entry.series)
+                if on_block is not None and message.key == block:
+                    on_block(decode_series(message.payload))
         found = ledger.certificate(
             part=self.part,
             expected=stored.first_sample + stored.expected if stored else None,

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from daq import keys
 from daq.messages import Series
 from daq.messages_pb2 import Event, Severity
 from daq.recording import Check, Recording, parts
@@ -23,16 +22,13 @@ GAPS = 10
 class Peaks:
     """Smallest and largest value of each channel of the blocks, in the channels' units."""
 
-    def __init__(self, rig: str) -> None:
-        self._key = keys.block(rig)
+    def __init__(self) -> None:
         self.names: tuple[str, ...] = ()
         self.units: tuple[str, ...] = ()
         self._low = self._high = np.empty(0, np.float32)
 
-    def take(self, key: str, series: Series) -> None:
-        """Take in a series; only blocks count."""
-        if key != self._key or not series.samples.size:
-            return
+    def take(self, series: Series) -> None:
+        """Take in a block."""
         low, high = series.samples.min(axis=1), series.samples.max(axis=1)
         if series.names != self.names:
             self.names, self.units = series.names, series.units
@@ -57,7 +53,7 @@ def info(path: str | Path) -> dict[str, Any]:
     """
     with Recording(path) as recording:
         description = recording.description
-        peaks = Peaks(description.rig)
+        peaks = Peaks()
         check = recording.check(peaks.take)
         account = check.certificate
         rate = description.rate

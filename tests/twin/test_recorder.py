@@ -16,7 +16,7 @@ from tests.daq.broadcast import PATIENCE, Broadcast, rig_with_ports, wait_until
 from tests.daq.recorded_run import BLOCK, RIG, Maker, record
 from twin.recorder import Recorder, held, next_part
 
-RECORD = "import sys; from twin.recorder import main; sys.exit(main(sys.argv[1:]))"
+RECORD = ("-P", "-m", "twin", "record")
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def start(tmp_path, rig):
     started = []
 
     def run(path: Path, *options: object, before=None) -> subprocess.Popen:
-        arguments = [sys.executable, "-c", RECORD, "--rig", rig[1], "--file", path, *options]
+        arguments = [sys.executable, *RECORD, "--rig", rig[1], "--file", path, *options]
         with (tmp_path / f"recorder{len(started)}.log").open("w") as log:
             process = subprocess.Popen(
                 [str(word) for word in arguments],
