@@ -63,7 +63,7 @@ class DaqProcess:
 
 
 class Client:
-    """Hears all that a daq publishes, losslessly, and sends it commands."""
+    """Hears all that a daq publishes, losslessly, as a recorder would, and sends it commands."""
 
     def __init__(self, rig):
         self.rig = rig
@@ -81,6 +81,7 @@ class Client:
         self._threads = [threading.Thread(target=self._hear), threading.Thread(target=self._renew)]
         for thread in self._threads:
             thread.start()
+        self._announced = self.data.announce(keys.alive(rig.name, "recorder"))
 
     def close(self):
         self._ended.set()
@@ -110,6 +111,13 @@ class Client:
     def fall_silent(self):
         """Renew the lease no longer."""
         self._renewing.clear()
+
+    def hear_the_end(self):
+        """Wait for the end and all that came before it, then let the daq go; return the number of samples."""
+        samples = int(self.event("end").details["samples"])
+        until(lambda: self.spans()[-1][1] == samples)
+        self._announced.close()
+        return samples
 
     def kinds(self):
         return [event.kind for event in list(self.events)]

@@ -67,12 +67,10 @@ def test_a_run_from_ready_to_the_end_of_standard_input(daq, client):
     assert rig_from_text(record["toml"]) == daq.rig
 
     daq.process.stdin.close()
-    end = client.event("end")
-    assert daq.finish() == (0, "")
-    samples = int(end.details["samples"])
-    until(lambda: client.spans()[-1][1] == samples)
+    samples = client.hear_the_end()
     assert_gapless(client.spans(), samples)
-    assert end.details["lost"] == "0"
+    assert daq.finish() == (0, "")
+    assert client.event("end").details["lost"] == "0"
     assert client.kinds() == ["start", "end"]
     assert {block.run for block in map(decode_series, client.blocks)} == {description.run}
     with pytest.raises(NotRunning):
@@ -86,8 +84,7 @@ def test_armed_it_moves_and_the_end_brings_the_rotor_to_rest(daq, client):
     until(lambda: client.state() == "armed")
     daq.process.stdin.write("stop\n")
     daq.process.stdin.flush()
-    samples = int(client.event("end").details["samples"])
-    until(lambda: client.spans()[-1][1] == samples)
+    client.hear_the_end()
     assert abs(client.channel("motor_speed")) < 0.2 * tau
     assert daq.finish() == (0, "")
 
@@ -158,6 +155,8 @@ def test_a_daq_that_was_stopped_for_longer_than_the_buffer_says_what_is_lost(sta
         gap = client.event("gap")
         first, last = int(gap.details["first"]), int(gap.details["last"])
         until(lambda: client.spans()[-1][1] > last + SECOND)
+        daq.process.stdin.close()
+        client.hear_the_end()
         spans = client.spans()
         jumps = [(before[1], after[0] - 1) for before, after in pairwise(spans) if before[1] != after[0]]
         gaps = [event for event in client.events if event.kind == "gap"]
@@ -176,11 +175,8 @@ def test_it_ends_by_itself_after_a_duration(start):
     daq = start("--duration", "0.5", "--run", "my-run", "--wait-for", "recorder")
     client = Client(daq.rig)
     try:
-        recorder = client.data.announce(keys.alive(daq.rig.name, "recorder"))
-        end = client.event("end")
-        assert int(end.details["samples"]) >= 12_500
-        assert end.run == "my-run"
-        recorder.close()
+        assert client.hear_the_end() >= 12_500
+        assert client.event("end").run == "my-run"
         assert daq.process.wait(30) == 0
     finally:
         client.close()
@@ -191,9 +187,8 @@ def test_sigterm_ends_it_in_order_and_ctrl_c_is_not_its_business(daq, client):
     reached = until(lambda: len(client.blocks))
     until(lambda: len(client.blocks) > reached + 20)
     daq.process.send_signal(signal.SIGTERM)
-    samples = int(client.event("end").details["samples"])
+    client.hear_the_end()
     assert daq.process.wait(30) == 0
-    until(lambda: client.spans()[-1][1] == samples)
 
 
 def test_it_waits_for_the_processes_that_it_is_told_to_wait_for(start):
@@ -276,11 +271,9 @@ def test_a_device_that_fails_ends_the_run_and_is_said(start, tmp_path):
     daq = start("--wait-for", "recorder", overrides=["acquisition.backend=flaky"], packages=tmp_path)
     client = Client(daq.rig)
     try:
-        client.data.announce(keys.alive(daq.rig.name, "recorder"))
         daq.wait_until_ready()
         assert client.event("failure").text == "the cable was pulled: plug it in and start anew"
-        samples = int(client.event("end").details["samples"])
-        until(lambda: client.spans()[-1][1] == samples)
+        samples = client.hear_the_end()
         assert_gapless(client.spans(), samples)
         code, said = daq.finish()
         assert (code, said) == (2, "daq: the cable was pulled: plug it in and start anew\n")
