@@ -24,21 +24,19 @@ class Inbox:
     """Messages from the link's callbacks, for one consumer thread.
 
     Any thread may put; one thread gets. Putting and getting cost about a microsecond and wake the other
-    side at once. Messages of a subscription that recovers are left out when there is no room, whatever
-    `when_full` says: `get` fetches them from the publisher's cache when their turn comes.
+    side at once. The link puts messages of publishers that wait and offers all others, so that a full inbox
+    never holds up a link that carries other things, such as the fetching of missed messages.
 
     Args:
         capacity: messages held at most.
-        when_full: `wait` makes `put` wait for room, which holds the publisher back through the network;
-            `drop_oldest` makes room by dropping the oldest message and counts it.
+        when_full: `wait` makes `put` wait for room, which holds the publisher back through the network, and
+            leaves out what is offered; `drop_oldest` makes room by dropping the oldest message.
     """
 
     def __init__(self, capacity: int, when_full: Literal["wait", "drop_oldest"]) -> None:
         if capacity < 1:
             raise ValueError(f"an inbox of {capacity} messages can hold nothing: use 1 or more")
         self.capacity = capacity
-        self.dropped = 0
-        """Messages dropped so far; the consumer learns of a drop with the next message it gets."""
         self._waits = when_full == "wait"
         self._closed = False
         self._messages: SimpleQueue[_Message | None] = SimpleQueue()
@@ -46,6 +44,13 @@ class Inbox:
         for _ in range(capacity):
             self._room.put(None)
         self._catching_up: Iterator[tuple[str, bytes] | None] | None = None
+        self._dropped = 0
+        self._left_out: SimpleQueue[None] = SimpleQueue()
+
+    @property
+    def dropped(self) -> int:
+        """Messages dropped so far; a drop to make room counts when the next message is got."""
+        return self._dropped + self._left_out.qsize()
 
     @property
     def fill(self) -> float:
@@ -74,11 +79,26 @@ class Inbox:
         if not self._closed:
             self._messages.put((key, payload, dropped, None, None))
 
-    def offer(self, key: str, payload: bytes | None, stamp: Stamp, recovery: Recovery) -> None:
-        """Add a message that can be fetched again, or the newest number alone; leave it out when full."""
+    def offer(
+        self, key: str, payload: bytes | None, stamp: Stamp | None = None, recovery: Recovery | None = None
+    ) -> None:
+        """Add a message without waiting for room.
+
+        Args:
+            key: its key.
+            payload: its bytes; None to tell the newest number of a publisher.
+            stamp: publisher and number, of a message that can be fetched again.
+            recovery: what fetches it; then it is left out when there is no room, and `get` fetches it when
+                its turn comes. Any other message that finds no room counts as dropped.
+        """
+        if recovery is None and not self._waits:
+            self.put(key, payload or b"")
+            return
         try:
             self._room.get_nowait()
         except Empty:
+            if recovery is None:
+                self._left_out.put(None)
             return
         if not self._closed:
             self._messages.put((key, payload, 0, stamp, recovery))
@@ -112,7 +132,7 @@ class Inbox:
             self._room.put(None)
             key, payload, dropped, stamp, recovery = message
             if dropped:
-                self.dropped += dropped
+                self._dropped += dropped
             if stamp is None or recovery is None:
                 return key, payload or b""
             if payload is not None and recovery.is_due(stamp):
@@ -146,7 +166,8 @@ class Inbox:
             with suppress(Empty):
                 oldest = self._messages.get_nowait()
                 if oldest is not None:
-                    return oldest[2] + 1
+                    _, _, dropped_before, _, recovery = oldest
+                    return dropped_before + (recovery is None)
                 self._messages.put(None)
         return 0
 

@@ -496,11 +496,14 @@ def _hand_over(take: Callable[[str, bytes], None]) -> _Receive:
 
 
 def _put(inbox: Inbox, subscription: Subscription) -> _Receive:
-    """Return a callback that puts each message into an inbox."""
+    """Return a callback that puts each message into an inbox, and waits for room if its publisher does."""
 
     def receive(sample: zenoh.Sample) -> None:
         _keep_thread_state()
-        inbox.put(str(sample.key_expr), sample.payload.to_bytes(), subscription.is_abandoned)
+        if sample.congestion_control == zenoh.CongestionControl.BLOCK:
+            inbox.put(str(sample.key_expr), sample.payload.to_bytes(), subscription.is_abandoned)
+        else:
+            inbox.offer(str(sample.key_expr), sample.payload.to_bytes())
 
     return receive
 

@@ -15,7 +15,7 @@ from itertools import count
 
 PIECE_BYTES = 256 * 1024
 """A reply to a subscriber ends with the message that reaches this size."""
-PATIENCE_S = 2.0
+PATIENCE_S = 5.0
 """How long a subscriber asks a publisher that does not answer before it goes on with a gap."""
 PAUSE_S = 0.02
 
