@@ -265,6 +265,8 @@ def leaves(table, path=()):
 def test_strange_value_anywhere_is_refused_or_taken_but_never_breaks(strange):
     text = load_rig("thesis-ball").toml
     for path in leaves(tomllib.loads(text)):
+        if path[0] == "channel" and path[1:] and path[1] > 0:
+            continue  # one row stands for all
         tables = tomllib.loads(text)
         table = tables
         for key in path[:-1]:
