@@ -190,14 +190,15 @@ class TestEndpoints:
 
 
 class TestPublishing:
-    def test_payloads_arrive_as_they_were_sent(self, links):
+    @pytest.mark.parametrize("cache", [0, 10])
+    def test_payloads_arrive_as_they_were_sent(self, links, cache):
         server, client = links
         inbox = Inbox(10, "wait")
-        client.subscribe("rig/test/**", inbox)
-        server.announce("rig/test/ready")
-        wait_until(lambda: client.alive("rig/test/ready"))
-        sent = [b"", b"\x00\xff", os.urandom(300_000)]
-        publisher = server.publish(KEY)
+        client.subscribe("rig/test/**", inbox, recover=cache > 0)
+        client.announce("rig/test/ready")
+        wait_until(lambda: server.alive("rig/test/ready"))
+        sent = [b"", b"\x00\xff", os.urandom(300_000 if cache else 20_000)]
+        publisher = server.publish(KEY, cache=cache)
         for payload in sent:
             publisher.put(payload)
         assert [inbox.get(PATIENCE) for _ in sent] == [(KEY, payload) for payload in sent]
