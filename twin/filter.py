@@ -197,8 +197,9 @@ def restart(memory: Memory, sensors: Sensors, feeds: Feeds, samples: np.ndarray,
     memory.state[RESIDUAL + 1] = 0.0
     for i in range(RESIDUAL + 2):
         if i < DYNAMIC or i >= RESIDUAL:
-            memory.covariance[i, :] = 0.0
-            memory.covariance[:, i] = 0.0
+            for j in range(RESIDUAL + 2):
+                memory.covariance[i, j] = 0.0
+                memory.covariance[j, i] = 0.0
     for axis in range(2):
         memory.covariance[TILT + axis, TILT + axis] = PLACE_DOUBT**2
         memory.covariance[TILT_RATE + axis, TILT_RATE + axis] = RATE_DOUBT**2

@@ -1,4 +1,7 @@
-"""Small dense algebra for the observer's kernels: no BLAS, no allocation, the same sums in the same order."""
+"""Small dense algebra for the observer's kernels: no BLAS, no allocation, the same sums in the same order.
+
+Plain loops instead of slices: numba takes several seconds longer to compile assignments to slices.
+"""
 
 import numpy as np
 
@@ -6,12 +9,31 @@ from simulator.compile import kernel
 
 
 @kernel
+def clear(matrix: np.ndarray) -> None:
+    """Set all of `matrix` (n, m) to zero."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            matrix[i, j] = 0.0
+
+
+@kernel
+def copy(source: np.ndarray, target: np.ndarray) -> None:
+    """Set `target` (n, m) to `source`."""
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[i, j] = source[i, j]
+
+
+@kernel
 def multiply(left: np.ndarray, right: np.ndarray, out: np.ndarray) -> None:
-    """Set `out` (n, m) = `left` (n, k) @ `right` (k, m), skipping zeros of `left`."""
+    """Set `out` (n, m) = `left` (n, k) @ `right` (k, m), skipping zeros of `left`.
+
+    Of `left` only the first k columns are used, where it has more.
+    """
     for i in range(left.shape[0]):
         for j in range(right.shape[1]):
             out[i, j] = 0.0
-        for k in range(left.shape[1]):
+        for k in range(right.shape[0]):
             factor = left[i, k]
             if factor != 0.0:
                 for j in range(right.shape[1]):
@@ -49,20 +71,27 @@ def discretise(
     shorter step should be below one. `work` (2, n, n + m) is scratch.
     """
     size = flow.shape[0]
+    short = step / 2.0**doublings
     term, following = work[0], work[1]
-    term[:, :size] = rates
-    term[:, size:] = inputs
-    term *= step / 2.0**doublings
-    flow[:] = term
     for i in range(size):
-        flow[i, i] += 1.0
+        for j in range(flow.shape[1]):
+            term[i, j] = short * (rates[i, j] if j < size else inputs[i, j - size])
+            flow[i, j] = term[i, j] + (1.0 if i == j else 0.0)
     for order in range(2, 5):
         multiply(rates, term, following)
-        add_term(following, step / 2.0**doublings / order, term, flow)
+        add_term(following, short / order, term, flow)
     for _ in range(doublings):
-        multiply(flow[:, :size], flow, following)
-        following[:, size:] += flow[:, size:]
-        flow[:] = following
+        double(flow, following)
+
+
+@kernel
+def double(flow: np.ndarray, work: np.ndarray) -> None:
+    """Set `flow` (n, n + m) to that of twice the time; `work` (n, n + m) is scratch."""
+    size = flow.shape[0]
+    multiply(flow, flow, work)
+    for i in range(size):
+        for j in range(flow.shape[1]):
+            flow[i, j] = work[i, j] + (flow[i, j] if j >= size else 0.0)
 
 
 @kernel

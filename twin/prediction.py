@@ -27,7 +27,7 @@ from twin.layout import (
     Memory,
     Tuning,
 )
-from twin.linear import congruence, discretise
+from twin.linear import congruence, copy, discretise
 from twin.slopes import add_contact, contact_slopes, free_rates, house_mass, input_rates
 from twin.tracking import ACCELERATION, ANGLE, SPEED
 
@@ -131,7 +131,7 @@ def free_flow(model: Model, memory: Memory, step: float) -> None:
         free_rates(model, speed, memory.rates)
         input_rates(model, memory.inputs)
         discretise(memory.rates, memory.inputs, step, FREE_DOUBLINGS, memory.free_flow, memory.flow_work)
-    memory.flow[:] = memory.free_flow
+    copy(memory.free_flow, memory.flow)
     memory.force[0] = 0.0
 
 

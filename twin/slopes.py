@@ -7,6 +7,7 @@ from simulator.contact import Contact, contact_force, ring_radius
 from simulator.rig import Model
 from simulator.state import State
 from twin.layout import HOUSE, HOUSE_RATE, RING, TILT, TILT_RATE
+from twin.linear import clear
 
 PLACE_STEP = 1e-8  # m, of the differences that give the contact's slopes
 RATE_STEP = 1e-6  # m/s
@@ -21,7 +22,7 @@ def free_rates(model: Model, speed: float, rates: np.ndarray) -> None:
     stiffness = (model.magnetic_bearing.stiffness * arm + rotor.pivot_stiffness) / rotor.inertia
     damping = model.magnetic_bearing.damping * arm / rotor.inertia
     gyroscopic = rotor.polar_inertia * speed / rotor.inertia
-    rates[:] = 0.0
+    clear(rates)
     for axis in range(2):
         rates[TILT + axis, TILT_RATE + axis] = 1.0
         rates[TILT_RATE + axis, TILT + axis] = -stiffness
@@ -48,7 +49,7 @@ def house_mass(model: Model, axis: int) -> float:
 def input_rates(model: Model, inputs: np.ndarray) -> None:
     """Set `inputs` (DYNAMIC, INPUTS): what a moment (N m) and a contact force (N) do to the rates."""
     rotor = model.rotor
-    inputs[:] = 0.0
+    clear(inputs)
     for axis in range(2):
         inputs[TILT_RATE + axis, axis] = 1.0 / rotor.inertia
         inputs[TILT_RATE + axis, 2 + axis] = rotor.bearing_station / rotor.inertia
