@@ -9,6 +9,7 @@ import json
 import struct
 from bisect import bisect_right
 from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import NamedTuple
 
@@ -163,11 +164,10 @@ class Ledger:
         self.end_sample: int | None = None
         """Samples of the whole run, once the daq has told its end."""
         self._coverage: dict[str, Coverage] = {}
-        self._last_event: dict[str, int] = {}
         self._messages: Counter[str] = Counter()
         self._kinds: dict[str, str] = {}
         self._last_sample: dict[str, int] = {}
-        self._events: dict[str, set[int]] = {}
+        self._events: set[bytes] = set()
         self._skip: dict[str, int] = {}
         self._late = 0
         self._block = 0
@@ -189,15 +189,15 @@ class Ledger:
         """Whether a series is there up to the last block before `end`."""
         return self.covered(kind).end > end - max(self._block, 1)
 
-    def leave_out(self, ends: dict[str, int], events: dict[str, int]) -> None:
+    def leave_out(self, ends: Mapping[str, int], events: Iterable[bytes]) -> None:
         """Leave out what an earlier part of the recording holds.
 
         Args:
             ends: for each topic, the index before which its messages are there already.
-            events: for each topic of events, the last sequence number that is there already.
+            events: payloads of the events that are there already.
         """
         self._skip.update(ends)
-        self._last_event.update(events)
+        self._events.update(events)
 
     def admit(self, key: str, payload: bytes) -> Entry | None:
         """Take a message; return None when it is of another run or was there already.
@@ -292,7 +292,7 @@ class Ledger:
 
     def _is_new(self, key: str, kind: str, sample: int, payload: bytes) -> bool:
         if kind == "Event":
-            return self._is_new_event(key, payload)
+            return self._is_new_event(payload)
         if kind == "Status":
             return True
         new = sample >= self._skip.get(key, self.first_sample) and sample > self._last_sample.get(key, -1)
@@ -300,12 +300,12 @@ class Ledger:
             self._last_sample[key] = sample
         return new
 
-    def _is_new_event(self, key: str, payload: bytes) -> bool:
+    def _is_new_event(self, payload: bytes) -> bool:
+        """Compare whole events: a process that was started anew counts its events from 0 again."""
         event = Event.FromString(payload)
-        seen = self._events.setdefault(key, set())
-        if event.sequence in seen or event.sequence <= self._last_event.get(key, -1):
+        if payload in self._events:
             return False
-        seen.add(event.sequence)
+        self._events.add(payload)
         if event.source == "daq" and event.kind == "end":
             self.end_sample = int(event.details.get("samples", self.blocks.end))
         return True

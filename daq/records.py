@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import zstandard
 
-from daq.storage import RecordingError, refusal
+from daq.storage import RecordingError
 
 
 class Op(IntEnum):
@@ -94,7 +94,7 @@ class RecordFile:
         except FileNotFoundError:
             raise RecordingError(f"{path}: no such file") from None
         except OSError as error:
-            raise refusal(path, error) from error
+            raise RecordingError(f"{path} cannot be read: {error.strerror}") from error
         self.close = weakref.finalize(self, os.close, self._fd)
         """Closes the file, once; happens by itself when nobody holds it any longer."""
         self.size = os.fstat(self._fd).st_size

@@ -9,6 +9,7 @@ from pathlib import Path
 RESERVE = 4_000_000  # bytes of free space that are left for closing the file in order
 
 REMEDIES = {
+    errno.ENOTDIR: "a file, not a folder: record elsewhere",
     errno.ENOSPC: "the disk is full: free some space or record elsewhere",
     errno.EDQUOT: "the disk quota is used up: free some space or record elsewhere",
     errno.EFBIG: "the file has reached the largest size allowed here: raise the limit or record elsewhere",
@@ -41,6 +42,8 @@ def prepare(path: str | Path) -> Path:
         raise RecordingError(f"{path} exists already: recordings are never overwritten, choose another name")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise RecordingError(f"{path.parent}: {REMEDIES[errno.ENOTDIR]}") from None
     except OSError as error:
         raise refusal(path.parent, error) from error
     if not os.access(path.parent, os.W_OK | os.X_OK):

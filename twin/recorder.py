@@ -19,7 +19,7 @@ from daq import keys
 from daq.certificate import SERIES, Certificate
 from daq.link import Inbox, Link, LinkError
 from daq.messages import MessageError, decode_series, read_header
-from daq.messages_pb2 import Description, Event, Status
+from daq.messages_pb2 import Description, Status
 from daq.parent import follow_parent
 from daq.presence import Presence
 from daq.recording import Recording, RecordingError, RecordingWriter, part_path, parts, prepare, series_end
@@ -208,28 +208,33 @@ def next_part(path: str | Path) -> tuple[Path, int, int]:
     return part_path(path, len(existing) + 1), len(existing) + 1, after
 
 
-def held(files: Iterable[Path]) -> tuple[dict[str, int], dict[str, int]]:
+def held(files: Iterable[Path]) -> tuple[dict[str, int], set[bytes]]:
     """Return what parts of a recording hold.
 
     Returns:
-        For each topic the index behind its last sample, and for each topic of events the last sequence.
+        For each topic of samples the index behind its last one, and the payloads of the events.
     """
     ends: dict[str, int] = {}
-    events: dict[str, int] = {}
+    events: set[bytes] = set()
     for path in files:
         try:
-            last = Recording(path).last()
+            recording = Recording(path)
         except RecordingError:
             continue  # it was cut off before its first block
-        for topic, message in last.items():
-            kind = keys.topic(topic).message
-            if kind == "Event":
-                events[topic] = Event.FromString(message.payload).sequence
-            elif kind in SERIES:
-                ends[topic] = series_end(decode_series(message.payload))
-            else:
-                ends[topic] = read_header(message.payload).sample + 1
+        with recording:
+            sorts = {topic: keys.topic(topic).message for topic in recording.topics()}
+            told = [topic for topic, kind in sorts.items() if kind == "Event"]
+            if told:
+                events.update(message.payload for message in recording.messages(*told))
+            counted = [topic for topic, kind in sorts.items() if kind not in ("Event", "Status")]
+            for topic, message in recording.last(*counted).items() if counted else ():
+                ends[topic] = behind(sorts[topic], message.payload)
     return ends, events
+
+
+def behind(kind: str, payload: bytes) -> int:
+    """Return the index behind what a message tells of."""
+    return series_end(decode_series(payload)) if kind in SERIES else read_header(payload).sample + 1
 
 
 def record(rig: Rig, path: Path, part: int, after: int, more: Sequence[str], told_to_end: Flag) -> int:

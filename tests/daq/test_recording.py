@@ -158,10 +158,11 @@ def test_duplicates_are_left_out_and_late_blocks_taken(tmp_path):
             writer.add(*make.event(10, 0, "mark"))
             writer.add(*make.event(10, 1, "mark"))
             writer.add(*make.event(10, 0, "mark", "operator"))
+        writer.add(*make.event(900, 0, "mark", "operator"))  # of an operator that was started anew
     recording = Recording(tmp_path / "run.mcap")
     assert [message.sequence for message in recording.messages(keys.block(RIG))] == [0, 1, 3, 2, 4]
     assert recording.certificate.gaps == ()
-    assert len(recording.events()) == 3
+    assert len(recording.events()) == 4
     assert recording.check().verdict == "valid"
 
 
@@ -407,7 +408,7 @@ def test_nothing_is_overwritten_and_folders_are_made(tmp_path):
     with pytest.raises(RecordingError, match="exists already"):
         recover(tmp_path / "new" / "folder" / "run.mcap", tmp_path / "new" / "folder" / "run.mcap")
     (tmp_path / "file").touch()
-    with pytest.raises(RecordingError, match=r"file"):
+    with pytest.raises(RecordingError, match="file: a file, not a folder: record elsewhere"):
         prepare(tmp_path / "file" / "run.mcap")
     with pytest.raises(RecordingError, match=r"rate is 0\.0 Hz"):
         RecordingWriter(tmp_path / "x.mcap", description(rate=0.0))
