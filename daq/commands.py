@@ -1,8 +1,8 @@
 """Who may move the rig, and how far: the rules for commands, without a device, a clock or a link.
 
 A rig moves only while it is armed. `arm` gives one holder a lease; `speed` and `hit` need it. Whoever may
-send commands may `stop` and `trip`. A holder that is silent for longer than the rig's `[command] lease` loses it.
-Each refusal is one plain sentence that says what is allowed.
+send commands may `stop` and `trip`. A holder that is silent for longer than the rig's `[command] lease`
+loses it. Each refusal is one plain sentence that says what is allowed.
 """
 
 from collections.abc import Callable
