@@ -37,10 +37,13 @@ class Listener:
         self.link.subscribe(keys.everything(RIG), self._inbox, recover=True)
         self.link.announce(keys.alive(RIG, name))
 
+    def take(self) -> tuple[str, bytes] | None:
+        return self._inbox.get(PATIENCE)
+
     def listen(self) -> list[tuple[str, bytes]]:
         """Take everything up to the end event; return it without the statuses."""
         while True:
-            item = self._inbox.get(PATIENCE)
+            item = self.take()
             assert item is not None, "the replay fell silent"
             if item[0].endswith("/status"):
                 continue
@@ -181,9 +184,10 @@ def test_continuations_follow(tmp_path, rig, start):
 def test_the_end_of_the_input_stops_it_and_subscribers_are_told(tmp_path, rig, start):
     record(tmp_path / "run.mcap", blocks=1000)
     player = start(tmp_path / "run.mcap", "--rate", "0.2", "--wait-for", "twin")
-    listener = Listener(rig[0])
-    player.send_signal(signal.SIGINT)
     wait_until(lambda: (tmp_path / "runtime" / f"{RIG}.json").exists(), "the claim")
+    player.send_signal(signal.SIGINT)  # Ctrl-C is the supervisor's business
+    listener = Listener(rig[0])
+    assert listener.take() is not None
     player.stdin.close()
     assert Event.FromString(listener.listen()[-1][1]).text == "the replay was stopped"
     assert player.wait(PATIENCE) == 0
