@@ -140,11 +140,12 @@ def test_the_description_says_replay_and_the_rig_is_claimed(tmp_path, rig, start
     assert player.wait(PATIENCE) == 0
 
 
-def test_a_live_rig_is_not_replayed_into(tmp_path, rig, capsys):
+def test_a_live_rig_is_not_replayed_into(tmp_path, start):
     record(tmp_path / "run.mcap", blocks=1)
     with claim(RIG, {"mode": "LIVE"}):
-        assert main(["play", str(tmp_path / "run.mcap"), "--rig", str(rig[1])]) == 2
-    said = capsys.readouterr().err
+        player = start(tmp_path / "run.mcap")
+        assert player.wait(PATIENCE) == 2
+    said = player.log.read_text()
     assert said.count("\n") == 1
     assert "already running" in said
 
@@ -208,6 +209,7 @@ def test_a_rate_that_is_none_is_refused(tmp_path, words, capsys):
     assert "must be a number above 0, or max" in capsys.readouterr().err
 
 
-def test_a_file_that_is_not_there_is_refused(tmp_path, rig, capsys):
-    assert main(["play", str(tmp_path / "none.mcap"), "--rig", str(rig[1])]) == 2
-    assert capsys.readouterr().err == f"replay: {tmp_path}/none.mcap: no such file\n"
+def test_a_file_that_is_not_there_is_refused(tmp_path, start):
+    player = start(tmp_path / "none.mcap")
+    assert player.wait(PATIENCE) == 2
+    assert player.log.read_text() == f"replay: {tmp_path}/none.mcap: no such file\n"
