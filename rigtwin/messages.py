@@ -1,4 +1,4 @@
-"""What travels between the processes of a run, for programs that listen to one or read a recording's payloads.
+"""What travels between the processes of a run, for programs that listen or read payloads.
 
 Series of samples (`Block`, `Estimate`, `Truth`) are read by `decode_series`; all other messages by their
 class, as `Summary.FromString(payload)`.
