@@ -53,7 +53,9 @@ def test_interrupt_before_the_first_sample_ends_in_order(tmp_path):
 
 def test_killed_supervisor_leaves_a_safe_rig_and_a_closed_recording(tmp_path):
     path = tmp_path / "run.mcap"
-    with Running("live", *PATIENT, "--plan", "impacts", "--view", "none", "--record", path, cwd=tmp_path) as run:
+    with Running(
+        "live", *PATIENT, "--plan", "impacts", "--view", "none", "--record", path, cwd=tmp_path
+    ) as run:
         run.wait_for("Hz")
         children = [run.child(name) for name in ("daq", "recorder", "twin", "operator")]
         wait_until(lambda: recorded(path) > 25_000, "a second of recording")
