@@ -77,6 +77,8 @@ class Comparison:
         self.bound, self._scales = bound, scales
         self.compared = 0
         """Messages compared."""
+        self.unrecorded = 0
+        """Messages that were computed again although none was recorded."""
         self.unequal: Difference | None = None
         """The first difference of a bit."""
         self.beyond: Difference | None = None
@@ -94,13 +96,20 @@ class Comparison:
         if not found.size <= found.bound:
             self.beyond = self.beyond or found
 
-    def take_all(self, pairs: Iterable[tuple[Series, Series | None]]) -> None:
-        """Compare pairs of messages; one without a partner was not computed again."""
-        for recorded, rerun in pairs:
-            if rerun is None:
-                self._missing(recorded)
+    def take_all(self, recorded: Iterable[Series], rerun: Iterator[Series]) -> None:
+        """Compare recorded messages with those computed again for the same samples."""
+        ahead: dict[int, Series] = {}
+        reached = -1
+        for series in recorded:
+            while reached < series.first_sample and (made := next(rerun, None)) is not None:
+                reached = made.first_sample
+                ahead[reached] = made
+            partner = ahead.pop(series.first_sample, None)
+            if partner is None:
+                self._missing(series)
             else:
-                self.take(recorded, rerun)
+                self.take(series, partner)
+        self.unrecorded += len(ahead) + sum(1 for _ in rerun)
 
     def _missing(self, recorded: Series) -> None:
         """Note a message that was not computed again."""
@@ -135,20 +144,6 @@ class Comparison:
             self.bound * float(scale[channel, 0]),
             recorded.units[channel],
         )
-
-
-def paired(recorded: Iterable[Series], rerun: Iterator[Series]) -> Iterator[tuple[Series, Series | None]]:
-    """Yield each recorded message with the one computed again for its sample, None where there is none."""
-    ahead: dict[int, Series] = {}
-    reached = -1
-    for series in recorded:
-        while reached < series.first_sample:
-            made = next(rerun, None)
-            if made is None:
-                break
-            reached = made.first_sample
-            ahead[reached] = made
-        yield series, ahead.pop(series.first_sample, None)
 
 
 def _bits(series: Series) -> tuple[object, ...]:

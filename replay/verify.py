@@ -7,7 +7,7 @@ from typing import Any
 
 from daq.fingerprint import numeric_fingerprint
 from daq.recording import Check
-from replay.comparison import Comparison, Difference, Scales, paired
+from replay.comparison import Comparison, Difference, Scales
 from replay.history import RecordedRun, Session, unseen
 from replay.rerun import Progress, repeat
 
@@ -83,7 +83,7 @@ def verify(path: str | Path, progress: Progress = lambda sample: None) -> Verdic
         comparison = Comparison(BOUND, scales(run))
         if not altered:
             again = repeat(run, sessions, progress)
-            comparison.take_all(paired(run.series("estimate"), again))
+            comparison.take_all(run.series("estimate"), again)
         return judge(run, comparison, sessions, changed, checks)
 
 
@@ -139,7 +139,7 @@ def judge(
         bound=comparison.bound,
         largest=comparison.largest,
         first=first,
-        notes=tuple(_notes(run, sessions, checks)),
+        notes=tuple(_notes(run, comparison, sessions, checks)),
     )
 
 
@@ -167,11 +167,15 @@ def _why(first: Difference, other_computer: bool) -> str:
     return "the twin gives another answer on a computer of the same numeric fingerprint"
 
 
-def _notes(run: RecordedRun, sessions: list[Session], checks: list[Check]) -> Iterator[str]:
+def _notes(
+    run: RecordedRun, comparison: Comparison, sessions: list[Session], checks: list[Check]
+) -> Iterator[str]:
     """Yield what could not be repeated, and what is not whole."""
     for file, check in zip(run.files, checks, strict=True):
         if check.verdict not in ("valid", "altered"):
             yield f"{file.path.name} is {check.verdict}: {check.reason}"
+    if comparison.unrecorded:
+        yield f"estimates that the twin made but the recording lacks: {comparison.unrecorded}"
     stretches = unseen(run.blocks, sessions)
     for first, last in stretches[:SHOWN]:
         yield (

@@ -59,6 +59,7 @@ def progress(path: Path) -> Iterator[Callable[[int], object]]:
 
     from replay.history import expected_end
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(path.name, total=expected_end(path))
         yield lambda sample: bar.update(task, completed=sample)

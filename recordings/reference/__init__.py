@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from daq.plan import load_plan
 from daq.rig import load_rig
-from replay.comparison import Comparison, Scales, paired
+from replay.comparison import Comparison, Scales
 from replay.history import RecordedRun
 from rigtwin import simulate
 
@@ -17,8 +17,10 @@ SERIES = ("block", "truth", "estimate")
 RIGS = {"ball": "thesis-ball", "pinned": "thesis-pinned", "plain": "thesis-plain"}
 """Rig of each recording; its plan has the recording's name."""
 
-BOUND = 1e-3
-"""Share of a channel's largest magnitude by which a simulation on another computer may differ."""
+BOUND = 1e-4
+"""Share of a channel's largest magnitude by which a simulation on another computer may differ.
+
+A step of the emulated converter is 3e-5 of its range."""
 
 
 class Reference(NamedTuple):
@@ -60,5 +62,5 @@ def compare(stored: Path, again: Path) -> dict[str, Comparison]:
             for series in before.series(name):
                 scales.take(series)
             found[name] = comparison = Comparison(BOUND, scales)
-            comparison.take_all(paired(before.series(name), now.series(name)))
+            comparison.take_all(before.series(name), now.series(name))
         return found
