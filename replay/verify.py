@@ -14,6 +14,7 @@ from replay.rerun import Progress, repeat
 BOUND = 1e-6
 """Share of a channel's largest magnitude by which an estimate computed on another computer may differ."""
 
+WHOLE, NOT_KNOWN = "fingerprint", "not known"
 IDENTICAL, EQUIVALENT, DIFFERENT = "identical", "equivalent", "different"
 SHOWN = 5  # notes of one sort as text
 
@@ -101,8 +102,10 @@ def changes(run: RecordedRun) -> dict[str, tuple[str, str]]:
     found: dict[str, tuple[str, str]] = {}
     for file in run.files:
         told = file.certificate.fingerprint if file.certificate else {}
+        if not told:
+            return {WHOLE: (NOT_KNOWN, here["functions"])}
         for name in here | told:
-            before, now = told.get(name, "not known"), here.get(name, "not known")
+            before, now = told.get(name, NOT_KNOWN), here.get(name, NOT_KNOWN)
             if before != now:
                 found[name] = before, now
     return found
@@ -125,7 +128,7 @@ def judge(
     elif changed:
         equal = "; every bit is equal" if comparison.unequal is None else ""
         verdict = EQUIVALENT
-        reason = f"recorded with another numeric fingerprint ({', '.join(changed)}){equal}"
+        reason = f"{_where(changed)}{equal}"
     else:
         verdict, reason = IDENTICAL, ""
     return Verdict(
@@ -157,6 +160,12 @@ def text(verdict: Verdict) -> str:
         f"{name}: recorded with {before}, here {now}" for name, (before, now) in verdict.changed.items()
     ]
     return "\n".join([*lines, *verdict.notes])
+
+
+def _where(changed: dict[str, tuple[str, str]]) -> str:
+    if WHOLE in changed:
+        return "the numeric fingerprint that it was recorded with is not known"
+    return f"recorded with another numeric fingerprint ({', '.join(changed)})"
 
 
 def _why(first: Difference, other_computer: bool) -> str:

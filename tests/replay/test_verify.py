@@ -199,6 +199,8 @@ def test_a_recording_that_was_cut_off_is_repeated_as_far_as_it_goes(tmp_path, ca
     assert ": equivalent: " in said
     assert "every bit is equal" in said
     assert "cut.mcap is incomplete" in said
+    main(["recover", str(tmp_path / "cut.mcap"), "-o", str(tmp_path / "mended.mcap")])
+    assert verify(tmp_path / "mended.mcap").verdict == EQUIVALENT  # with what it was made is not known
 
 
 def test_the_twin_afresh_gives_what_it_gave(tmp_path, capsys):
