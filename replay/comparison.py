@@ -106,29 +106,35 @@ class Comparison:
                 ahead[reached] = made
             partner = ahead.pop(series.first_sample, None)
             if partner is None:
-                self._missing(series)
+                self.missing(series)
             else:
                 self.take(series, partner)
         self.unrecorded += len(ahead) + sum(1 for _ in rerun)
 
-    def _missing(self, recorded: Series) -> None:
+    def missing(self, recorded: Series) -> None:
         """Note a message that was not computed again."""
         found = Difference(recorded.first_sample, "", "a message", "nothing")
         self.unequal, self.beyond = self.unequal or found, self.beyond or found
 
+    def nearest(self, recorded: Series, candidates: dict[int, Series]) -> int | None:
+        """Return the key of the message that is nearest to the recorded one, the lowest of equals."""
+        return min(candidates, key=lambda key: self._distance(recorded, candidates[key]), default=None)
+
+    def _distance(self, recorded: Series, rerun: Series) -> float:
+        """Return the largest difference as a share of its channel's largest magnitude."""
+        if _different_kind(recorded, rerun):
+            return float("inf")
+        return float(self._shares(recorded, rerun)[1].max(initial=0.0))
+
+    def _shares(self, recorded: Series, rerun: Series) -> tuple[np.ndarray, np.ndarray]:
+        """Return the size of each difference, and as a share of its channel's largest magnitude."""
+        size = _sizes(recorded, rerun)
+        scale = self._scales.of(recorded)
+        return size, np.divide(size, scale, out=np.where(size > 0.0, np.inf, 0.0), where=scale > 0.0)
+
     def _different_values(self, recorded: Series, rerun: Series) -> Difference:
         """Return the first difference beyond the bound, or else the first of all."""
-        before, now = recorded.samples.astype(np.float64), rerun.samples.astype(np.float64)
-        scale = self._scales.of(recorded)
-        with np.errstate(invalid="ignore"):
-            size = np.abs(now - before)
-        if ANGLE in recorded.names:
-            row = size[recorded.names.index(ANGLE)]
-            row[:] = np.minimum(row, np.abs(TURN - row))
-        size[recorded.samples == rerun.samples] = 0.0
-        size[np.isnan(before) & np.isnan(now)] = 0.0
-        size[np.isnan(size)] = np.inf
-        shares = np.divide(size, scale, out=np.where(size > 0.0, np.inf, 0.0), where=scale > 0.0)
+        size, shares = self._shares(recorded, rerun)
         self.largest = max(self.largest, float(shares.max(initial=0.0)))
         wrong = shares > self.bound
         if not wrong.any():
@@ -138,12 +144,25 @@ class Comparison:
         return Difference(
             recorded.first_sample + column * max(recorded.stride, 1),
             recorded.names[channel],
-            float(before[channel, column]),
-            float(now[channel, column]),
+            float(recorded.samples[channel, column]),
+            float(rerun.samples[channel, column]),
             float(size[channel, column]),
-            self.bound * float(scale[channel, 0]),
+            self.bound * float(self._scales.of(recorded)[channel, 0]),
             recorded.units[channel],
         )
+
+
+def _sizes(recorded: Series, rerun: Series) -> np.ndarray:
+    """Return the size of each difference; infinite where only one of the two is a number."""
+    before, now = recorded.samples.astype(np.float64), rerun.samples.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        size = np.abs(now - before)
+    if ANGLE in recorded.names:
+        row = size[recorded.names.index(ANGLE)]
+        row[:] = np.minimum(row, np.abs(TURN - row))
+    size[(before == now) | (np.isnan(before) & np.isnan(now))] = 0.0
+    size[np.isnan(size)] = np.inf
+    return size
 
 
 def _bits(series: Series) -> tuple[object, ...]:

@@ -1,6 +1,6 @@
 """What the live twin saw of a run, as far as its recording tells: when it began, what it did not see."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from pathlib import Path
@@ -17,28 +17,46 @@ NOT_RECEIVED = "not received"
 
 @dataclass
 class Session:
-    """One process of the twin: from its start to the next one's, or to its last estimate.
+    """One process of the twin.
 
     Attributes:
         start: sample at which its first block begins.
-        recorded_from: sample from which on the recorded estimates are this process'.
-        end: index behind the last of them.
-        gaps: (first, last, cause) of the samples that it did not see.
+        gaps: (first, last, cause) of the samples after that which it did not see.
     """
 
     start: int
-    recorded_from: int
-    end: int = 0
     gaps: list[tuple[int, int, str]] = field(default_factory=list)
 
     def saw(self, sample: int) -> bool:
-        """Whether the block that begins at a sample was among those that it processed."""
-        missed = any(first <= sample <= last for first, last, _cause in self.gaps)
-        return self.start <= sample < self.end and not missed
+        """Whether the block that begins at a sample was among those that it processed, while it lived."""
+        return sample >= self.start and not any(first <= sample <= last for first, last, _ in self.gaps)
 
     def cause(self, sample: int) -> str:
         """Return why samples before the block that begins at `sample` were missing."""
         return next((cause for _first, last, cause in self.gaps if last + 1 == sample), NOT_RECEIVED)
+
+
+@dataclass
+class History:
+    """What a recording tells of the live twin.
+
+    Attributes:
+        sessions: its processes, in the order in which they ran.
+        end: index behind the last recorded estimate; 0 when there is none.
+    """
+
+    sessions: list[Session]
+    end: int = 0
+
+    def unseen(self, blocks: Coverage) -> list[tuple[int, int]]:
+        """Return the stretches that the twin saw although the recording lacks them."""
+        known = [gap for session in self.sessions for gap in session.gaps]
+        begin = min((session.start for session in self.sessions), default=0)
+        return [
+            (first, last)
+            for first, last in blocks.gaps(begin, self.end)
+            if not any(low <= first and last <= high for low, high, _cause in known)
+        ]
 
 
 class RecordedRun:
@@ -103,42 +121,23 @@ class RecordedRun:
         while held:
             yield heappop(held)[2]
 
-    def sessions(self) -> list[Session]:
-        """Return the twin's processes, in the order in which they ran."""
+    def history(self) -> History:
+        """Return what is told of the twin. Its events need not stand beside its estimates in the file."""
         rig = self.description.rig
-        estimate, event = keys.estimate(rig), keys.event(rig, "twin")
         sessions: list[Session] = []
-        for message in self.messages(estimate, event):
-            if message.key == event:
-                _take_event(sessions, Event.FromString(message.payload))
-                continue
-            series = decode_series(message.payload)
-            if not sessions:  # its start was not recorded: the first estimate tells
-                sessions.append(Session(series.first_sample, series.first_sample))
-            sessions[-1].end = max(sessions[-1].end, series_end(series))
-        return sessions
-
-
-def _take_event(sessions: list[Session], event: Event) -> None:
-    """Note the start of a process, or samples that it did not see."""
-    if event.kind == "start":
-        if sessions and sessions[-1].end == 0:  # the process before left no estimate
-            sessions.pop()
-        recorded = max(sessions[-1].end, event.sample) if sessions else event.sample
-        sessions.append(Session(event.sample, recorded))
-    elif event.kind == "gap" and sessions:
-        details = event.details
-        sessions[-1].gaps.append((int(details["first"]), int(details["last"]), details["cause"]))
-
-
-def unseen(blocks: Coverage, sessions: Sequence[Session]) -> list[tuple[int, int]]:
-    """Return the stretches that the twin saw although the recording lacks them."""
-    found = []
-    for session in sessions:
-        for first, last in blocks.gaps(session.start, session.end):
-            if not any(low <= first and last <= high for low, high, _cause in session.gaps):
-                found.append((first, last))
-    return found
+        for message in self.messages(keys.event(rig, "twin")):
+            event = Event.FromString(message.payload)
+            if event.kind == "start":
+                sessions.append(Session(event.sample))
+            elif event.kind == "gap" and sessions:
+                details = event.details
+                sessions[-1].gaps.append((int(details["first"]), int(details["last"]), details["cause"]))
+        stretches = Coverage()
+        for series in self.series("estimate"):
+            stretches.add(series.first_sample, series_end(series))
+        if stretches.samples and (not sessions or stretches.first < sessions[0].start):
+            sessions.insert(0, Session(stretches.first))  # the event of its start was not recorded
+        return History(sessions, stretches.end)
 
 
 def expected_end(path: str | Path) -> int | None:

@@ -1,10 +1,10 @@
 """Runs the twin anew over the blocks of a recording.
 
-`repeat` does it exactly as the live twin did: a block that was shed, a late start and a second process are
-in the recording as the twin's events, by sample index. `estimate` does it afresh, over every block.
+`Repetition` does it exactly as the live twin did: a block that was shed, a late start and a second
+process are in the recording as the twin's events, by sample index. `estimate` does it afresh, over every block.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from daq import keys
@@ -13,7 +13,7 @@ from daq.describe import versions
 from daq.messages import Series, decode_series
 from daq.recording import Message, RecordingError, RecordingWriter
 from daq.rig import Rig, rig_from_text
-from replay.history import NOT_RECEIVED, RecordedRun, Session
+from replay.history import NOT_RECEIVED, History, RecordedRun
 from twin.estimation import SOURCE, Twin
 
 Progress = Callable[[int], object]
@@ -28,32 +28,53 @@ def rig_of(run: RecordedRun) -> Rig:
     return rig_from_text(run.description.toml, f"rig description in {run.path}")
 
 
-def repeat(
-    run: RecordedRun, sessions: Sequence[Session], progress: Progress = lambda sample: None
-) -> Iterator[Series]:
-    """Yield the estimates that the live twin published, made anew; `run.check` must have been called.
+class Repetition:
+    """The live twin's processes run again, block by block; `run.check` must have been called.
+
+    A process that was killed and its successor may both have been at work on the same blocks, and the
+    recording holds one of their estimates. It does not say whose: both are made until `current`
+    is set to the successor.
 
     Args:
         run: the recording.
-        sessions: of the live twin, from `run.sessions`.
+        history: of the live twin, from `run.history`.
         progress: called with the index behind each block.
 
     Raises:
         RigError: the rig has no model, or its description is not understood.
     """
-    rig, description = rig_of(run), run.description
-    twins: dict[int, Twin] = {}
-    topic = keys.estimate(rig.name)
-    for message in run.in_order(run.messages(keys.block(description.rig))):
-        block = decode_series(message.payload)
-        for number, session in enumerate(sessions):
-            if not session.saw(block.first_sample):
-                continue
-            twin = twins.setdefault(number, Twin(rig, description.run, description.t0_ns))
-            made = _process(twin, message.payload, session.cause(block.first_sample))
-            if block.first_sample >= session.recorded_from:
-                yield from (decode_series(payload) for key, payload in made if key == topic)
-        progress(block.first_sample + block.samples.shape[1])
+
+    def __init__(self, run: RecordedRun, history: History, progress: Progress = lambda sample: None) -> None:
+        self.current = 0
+        """Number of the earliest process that may still be at work."""
+        self._run, self._history, self._progress = run, history, progress
+        self._rig = rig_of(run)
+        self._twins: dict[int, Twin] = {}
+
+    def blocks(self) -> Iterator[tuple[int, dict[int, Series]]]:
+        """Yield the first sample of each block, and each process' estimate over it by the process' number."""
+        for message in self._run.in_order(self._run.messages(keys.block(self._rig.name))):
+            block = decode_series(message.payload)
+            sample = block.first_sample
+            if sample >= self._history.end:
+                return
+            yield (
+                sample,
+                {
+                    number: self._estimate(number, message.payload, session.cause(sample))
+                    for number, session in enumerate(self._history.sessions)
+                    if number >= self.current and session.saw(sample)
+                },
+            )
+            self._progress(sample + block.samples.shape[1])
+
+    def _estimate(self, number: int, payload: bytes, cause: str) -> Series:
+        """Return what one process makes of a block."""
+        description = self._run.description
+        if number not in self._twins:
+            self._twins[number] = Twin(self._rig, description.run, description.t0_ns)
+        made = dict(_process(self._twins[number], payload, cause))
+        return decode_series(made[keys.estimate(self._rig.name)])
 
 
 def estimate(source: str | Path, target: str | Path, progress: Progress = lambda sample: None) -> Certificate:

@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from daq.fingerprint import numeric_fingerprint
+from daq.messages import Series
 from daq.recording import Check
 from replay.comparison import Comparison, Difference, Scales
-from replay.history import RecordedRun, Session, unseen
-from replay.rerun import Progress, repeat
+from replay.history import History, RecordedRun
+from replay.rerun import Progress, Repetition
 
 BOUND = 1e-6
 """Share of a channel's largest magnitude by which an estimate computed on another computer may differ."""
@@ -75,17 +76,16 @@ def verify(path: str | Path, progress: Progress = lambda sample: None) -> Verdic
     with RecordedRun(path) as run:
         checks = run.check()
         altered = [check for check in checks if check.verdict == "altered"]
-        sessions = run.sessions()
-        if not any(session.end for session in sessions):
+        history = run.history()
+        if not history.end:
             raise VerifyError(
                 f"{path} holds no estimates to verify: `rigtwin twin {path} -o OUT` makes one that does"
             )
         changed = changes(run)
         comparison = Comparison(BOUND, scales(run))
         if not altered:
-            again = repeat(run, sessions, progress)
-            comparison.take_all(run.series("estimate"), again)
-        return judge(run, comparison, sessions, changed, checks)
+            compare(run, Repetition(run, history, progress), comparison)
+        return judge(run, comparison, history, changed, checks)
 
 
 def scales(run: RecordedRun) -> Scales:
@@ -94,6 +94,30 @@ def scales(run: RecordedRun) -> Scales:
     for series in run.series("estimate"):
         found.take(series)
     return found
+
+
+def compare(run: RecordedRun, repetition: Repetition, comparison: Comparison) -> None:
+    """Compare each recorded estimate with that of the process of the twin that made it."""
+    blocks = repetition.blocks()
+    ahead: dict[int, dict[int, Series]] = {}
+    reached = latest = -1
+    for recorded in run.series("estimate"):
+        while reached < recorded.first_sample and (made := next(blocks, None)) is not None:
+            reached = made[0]
+            ahead[reached] = made[1]
+        candidates = ahead.pop(recorded.first_sample, {})
+        number = comparison.nearest(recorded, candidates)
+        if number is None:
+            comparison.missing(recorded)
+            continue
+        if (
+            number > repetition.current
+        ):  # the one before had died: what follows its last estimate it never made
+            repetition.current = number
+            ahead = {sample: found for sample, found in ahead.items() if sample < latest}
+        latest = max(latest, recorded.first_sample)
+        comparison.take(recorded, candidates[number])
+    comparison.unrecorded = sum(bool(found) for sample, found in ahead.items() if sample < latest)
 
 
 def changes(run: RecordedRun) -> dict[str, tuple[str, str]]:
@@ -114,7 +138,7 @@ def changes(run: RecordedRun) -> dict[str, tuple[str, str]]:
 def judge(
     run: RecordedRun,
     comparison: Comparison,
-    sessions: list[Session],
+    history: History,
     changed: dict[str, tuple[str, str]],
     checks: list[Check],
 ) -> Verdict:
@@ -136,13 +160,13 @@ def judge(
         verdict=verdict,
         reason=reason,
         estimates=comparison.compared,
-        sessions=len(sessions),
+        sessions=len(history.sessions),
         same_fingerprint=not changed,
         changed=changed,
         bound=comparison.bound,
         largest=comparison.largest,
         first=first,
-        notes=tuple(_notes(run, comparison, sessions, checks)),
+        notes=tuple(_notes(run, comparison, history, checks)),
     )
 
 
@@ -176,16 +200,14 @@ def _why(first: Difference, other_computer: bool) -> str:
     return "the twin gives another answer on a computer of the same numeric fingerprint"
 
 
-def _notes(
-    run: RecordedRun, comparison: Comparison, sessions: list[Session], checks: list[Check]
-) -> Iterator[str]:
+def _notes(run: RecordedRun, comparison: Comparison, history: History, checks: list[Check]) -> Iterator[str]:
     """Yield what could not be repeated, and what is not whole."""
     for file, check in zip(run.files, checks, strict=True):
         if check.verdict not in ("valid", "altered"):
             yield f"{file.path.name} is {check.verdict}: {check.reason}"
     if comparison.unrecorded:
         yield f"estimates that the twin made but the recording lacks: {comparison.unrecorded}"
-    stretches = unseen(run.blocks, sessions)
+    stretches = history.unseen(run.blocks)
     for first, last in stretches[:SHOWN]:
         yield (
             f"samples {first} to {last} reached the twin but not the recording: what follows cannot be "

@@ -87,7 +87,8 @@ def elsewhere(monkeypatch):
     monkeypatch.setattr(replay.verify, "numeric_fingerprint", lambda: real() | {"functions": "others"})
 
 
-def test_what_a_live_twin_missed_is_missed_again(tmp_path, description, blocks):
+@pytest.mark.parametrize("late_events", [False, True])
+def test_what_a_live_twin_missed_is_missed_again(tmp_path, description, blocks, late_events):
     """It joins late, sheds blocks, is killed and started anew with blocks from the cache, and stops early."""
     first, second = twin_of(description), twin_of(description)
     messages = []
@@ -99,6 +100,8 @@ def test_what_a_live_twin_missed_is_missed_again(tmp_path, description, blocks):
             messages += [each for past in blocks[37:44] for each in second.process(past)]
         if 44 <= number < 55:
             messages += second.process(payload)
+    if late_events:
+        messages.sort(key=lambda message: message[0] == keys.event(RIG, "twin"))
     path = write(tmp_path / "live.mcap", description, messages)
     found = verify(path)
     assert (found.verdict, found.first, found.notes) == (IDENTICAL, None, ())
