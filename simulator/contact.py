@@ -1,12 +1,12 @@
-"""Contact between shaft and backup bearing: geometry, normal force, friction.
+"""Contact between shaft and backup bearing: its geometry, and what `simulator.law` makes of it.
 
 Everything is at the bearing's plane S, in the inertial frame, SI units. A *candidate* is a place where
 shaft and wall may touch: one for a ball or plain bearing, one for each pin of the pinned bearing. Its
 normal points from the shaft's centre to the wall, its tangent is the normal turned by +90 degrees.
 
-References are to the thesis' articles P1 and P3, cleaned of misprints. A contact law is chosen by number in
-the bearing's parameters (`kind`, `damping_mode`), never by a function argument, so that a kernel is compiled
-once.
+References are to the thesis' articles P1 and P3, cleaned of misprints. Geometry and law are chosen by number
+in the bearing's parameters (`kind`, `law`, `damping_mode`), never by a function argument, so that a kernel is
+compiled once.
 """
 
 from math import sqrt
@@ -15,15 +15,14 @@ from typing import NamedTuple
 import numpy as np
 
 from simulator.compile import inlined, kernel
-from simulator.rig import BackupBearing, BearingKind, DampingMode, Model
+from simulator.law import LATCHED, friction, latched_factor, normal_force
+from simulator.rig import BackupBearing, BearingKind, Model
 from simulator.state import State
 
 BALL = int(BearingKind.BALL)
 PINNED = int(BearingKind.PINNED)
-LATCHED = int(DampingMode.LATCHED)
 
 MOST_CANDIDATES = 4
-LOWEST_CLOSING_SPEED = 0.01  # m/s: a slower closing latches the damping factor of this speed
 PIN_LENGTH = 2e-3  # m: behind it lies the casing, which has no contact of its own
 HALF_ROOT = sqrt(0.5)
 
@@ -81,36 +80,6 @@ def pin_wall(
     if length == 0.0:
         return 0.0, 0.0, reach
     return to_x / length, to_y / length, reach - length
-
-
-@inlined
-def normal_force(bearing: BackupBearing, damping_factor: float, depth: float, rate: float) -> float:
-    """Return Hunt and Crossley's force, N: k d^1.5 (1 + 1.5 eta d'), never pulling (P3 eq 20, P1 eq 11).
-
-    `damping_factor` is eta in s/m, `depth` the penetration d in m, `rate` d' in m/s, positive while closing.
-    """
-    if depth <= 0.0:
-        return 0.0
-    elastic = bearing.stiffness * depth * sqrt(depth)
-    return max(0.0, elastic * (1.0 + 1.5 * damping_factor * rate))
-
-
-@inlined
-def normal_stiffness(bearing: BackupBearing, depth: float) -> float:
-    """Return the elastic part's slope, N/m, at a penetration (m)."""
-    return 1.5 * bearing.stiffness * sqrt(max(depth, 0.0))
-
-
-@inlined
-def friction(bearing: BackupBearing, normal: float, slip_t: float, slip_z: float) -> tuple[float, float]:
-    """Return the friction on the shaft, N, along the tangent and along the shaft.
-
-    Coulomb's law, regularised: opposite to the slip (m/s, shaft minus wall), zero and smooth at zero slip.
-    """
-    slip_speed = bearing.slip_speed
-    slip = sqrt(slip_t * slip_t + slip_z * slip_z + slip_speed * slip_speed)
-    scale = -bearing.friction * normal / slip
-    return scale * slip_t, scale * slip_z
 
 
 @inlined
@@ -217,19 +186,18 @@ def penetration(model: Model, state: State) -> float:
 def latch(model: Model, state: State, damping_factors: np.ndarray) -> None:
     """Bring the damping factors (4,), s/m, of the open candidates up to date; call it before each substep.
 
-    Mode `fixed`: they are the bearing's constant. Mode `latched`: an open candidate's is (1 - c_e) / d' of
-    this moment (P3 eq 21), so that a closing keeps that of its last open substep until it opens.
+    Mode `fixed`: they stay what they are. Mode `latched`: an open candidate's is that of a closing at this
+    moment's speed (P3 eq 21), so that a closing keeps that of its last open substep until it opens.
     """
     bearing = model.backup_bearing
     if bearing.damping_mode != LATCHED:
-        damping_factors[:] = bearing.damping_factor
         return
     x, y, rate_x, rate_y = relative_motion(model, state)
     for index in range(candidate_count(bearing)):
         nx, ny, depth = wall(bearing, model.rotor.shaft_radius, index, x, y)
         if depth <= 0.0:
-            closing = max(rate_x * nx + rate_y * ny, LOWEST_CLOSING_SPEED)
-            damping_factors[index] = (1.0 - bearing.restitution) / closing
+            closing = rate_x * nx + rate_y * ny
+            damping_factors[index] = latched_factor(bearing.law, bearing.restitution, closing)
 
 
 @inlined

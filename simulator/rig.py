@@ -16,6 +16,7 @@ from simulator.validation import NAME, Quantity, RigError, tuple_at
 __all__ = [
     "BackupBearing",
     "BearingKind",
+    "ContactLaw",
     "DampingMode",
     "Drive",
     "DriveMode",
@@ -38,8 +39,19 @@ class BearingKind(IntEnum):
     PINNED = 2
 
 
+class ContactLaw(IntEnum):
+    """Normal force of the contact; formulas and sources are in `simulator.law`."""
+
+    HUNT_CROSSLEY = 0
+    HERTZ = 1
+    KELVIN_VOIGT = 2
+    LANKARANI_NIKRAVESH = 3
+    FLORES = 4
+    GONTHIER = 5
+
+
 class DampingMode(IntEnum):
-    """How Hunt-Crossley's damping factor is set: a constant of the material, or anew at each impact."""
+    """How the contact's damping factor is set: a constant of the material, or anew at each impact."""
 
     FIXED = 0
     LATCHED = 1
@@ -83,14 +95,17 @@ class MagneticBearing(NamedTuple):
 
 
 class BackupBearing(NamedTuple):
-    """Backup bearing: geometry, Hunt-Crossley contact and regularised Coulomb friction.
+    """Backup bearing: geometry, law of the contact and regularised friction.
 
-    `clearance` is the radial gap of a ball or plain bearing, or the gap under a pin's tip.
+    `clearance` is the radial gap of a ball or plain bearing, or the gap under a pin's tip. Keys with a
+    default came after the first recordings; the defaults are what those were made with.
     """
 
     kind: BearingKind
     clearance: Annotated[float, Quantity("m", 1e-6, 0.02, "radial gap, or gap under each pin tip [g_p]")]
-    stiffness: Annotated[float, Quantity("N/m^1.5", 1.0, 1e13, "of the contact, exponent 3/2 [k]")]
+    stiffness: Annotated[
+        float, Quantity("N/m^1.5", 1.0, 1e13, "of the contact, exponent 3/2 [k]; law kelvin-voigt: in N/m")
+    ]
     damping_mode: DampingMode
     damping_factor: Annotated[float, Quantity("s/m", 0.0, 100.0, "Hunt-Crossley factor, mode fixed [eta]")]
     restitution: Annotated[float, Quantity("1", 0.0, 1.0, "coefficient of restitution, mode latched [c_e]")]
@@ -101,6 +116,14 @@ class BackupBearing(NamedTuple):
     ]
     ring_damping: Annotated[float, Quantity("N m s", 0.0, 1e3, "drag of the ring; ball bearing only [c_ir]")]
     pin_tip_radius: Annotated[float, Quantity("m", 0.0, 10.0, "sphere at a pin's tip; pinned only [r_t]")]
+    law: ContactLaw = ContactLaw.HUNT_CROSSLEY
+    damping: Annotated[float, Quantity("N s/m", 0.0, 1e7, "of the contact; law kelvin-voigt only [c]")] = 0.0
+    static_friction: Annotated[
+        float, Quantity("1", 0.0, 2.0, "coefficient at rest; below `friction`: as in sliding [mu_s]")
+    ] = 0.0
+    stribeck_speed: Annotated[
+        float, Quantity("m/s", 1e-4, 10.0, "slip that halves what static friction adds [v_s]")
+    ] = 0.05
 
 
 class Housing(NamedTuple):

@@ -4,19 +4,29 @@ from typing import Any
 
 import numpy as np
 
-from simulator.contact import LATCHED, LOWEST_CLOSING_SPEED, MOST_CANDIDATES
+from simulator.contact import MOST_CANDIDATES
 from simulator.drive import set_point
 from simulator.equilibrium import static_state
-from simulator.rig import BearingKind, Model, RigError, Solenoid
+from simulator.law import constant_factor
+from simulator.rig import (
+    BackupBearing,
+    BearingKind,
+    ContactLaw,
+    DampingMode,
+    Model,
+    RigError,
+    Solenoid,
+)
 from simulator.solenoid import PULSE_FIELDS, pulse_row
 from simulator.state import SIGNALS, STATE, TRUTH
 from simulator.stepping import run
 from simulator.tick import tick_of
+from simulator.validation import written
 
 __all__ = ["SIGNALS", "STATE", "TRUTH", "Simulation", "SimulationError", "signals_for"]
 
-
-CHOICES = ("kind", "damping_mode", "mode")
+LEAST_RESTITUTION = 0.01  # some laws divide by it
+CHOICES = ("kind", "law", "damping_mode", "mode")
 
 
 class SimulationError(RuntimeError):
@@ -117,7 +127,25 @@ def checked(model: Model) -> Model:
             f"[backup_bearing] ring_inertia = {bearing.ring_inertia:g} kg m2 must be above 0 for a ball "
             'bearing; give its inertia, or set kind = "plain" for a ring that does not spin'
         )
+    check_law(bearing)
     return Model(*(plain(part) for part in model))
+
+
+def check_law(bearing: BackupBearing) -> None:
+    """Refuse a contact law without what it needs. Raises `RigError`."""
+    law = ContactLaw(bearing.law)
+    if law not in (ContactLaw.LANKARANI_NIKRAVESH, ContactLaw.FLORES, ContactLaw.GONTHIER):
+        return
+    if bearing.damping_mode != DampingMode.LATCHED:
+        raise RigError(
+            f'[backup_bearing] damping_mode = "fixed" does not go with law = "{written(law)}", whose damping '
+            'comes from restitution and closing speed; set damping_mode = "latched"'
+        )
+    if law != ContactLaw.LANKARANI_NIKRAVESH and bearing.restitution < LEAST_RESTITUTION:
+        raise RigError(
+            f"[backup_bearing] restitution = {bearing.restitution:g} is below {LEAST_RESTITUTION:g}, "
+            f'where law = "{written(law)}" has no finite damping; give a larger one'
+        )
 
 
 def plain(part: Any) -> Any:
@@ -136,10 +164,7 @@ def checked_state(state: np.ndarray) -> np.ndarray:
 
 def first_damping_factors(model: Model) -> np.ndarray:
     """Return the damping factors (4,), s/m, with which a simulation begins."""
-    bearing = model.backup_bearing
-    slowest = (1.0 - bearing.restitution) / LOWEST_CLOSING_SPEED
-    factor = slowest if bearing.damping_mode == LATCHED else bearing.damping_factor
-    return np.full(MOST_CANDIDATES, factor)
+    return np.full(MOST_CANDIDATES, constant_factor(model.backup_bearing))
 
 
 def positive(value: float, name: str, unit: str) -> float:

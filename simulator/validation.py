@@ -5,7 +5,8 @@ A field's annotation says what it may hold:
 - `Annotated[float, Quantity(...)]`, or `int`: a number in a closed range, with unit and meaning;
 - `Annotated[tuple[float, float], Quantity(...)]`: the lower and the upper end of a range;
 - `Annotated[str, Pattern(...)]`: a text of a given form; `str`: any text that is not empty;
-- `bool`, `datetime.date`, `Literal["a", "b"]`, or an `IntEnum`, which is written as its lower-case name.
+- `bool`, `datetime.date`, `Literal["a", "b"]`, or an `IntEnum`, which is written as its lower-case name
+  with hyphens.
 
 A field with a default may be left out; `| None` is for fields that have no value then.
 """
@@ -138,9 +139,14 @@ def interval(value: Any, quantity: Quantity, place: str) -> tuple[float, float]:
 
 
 def choice(value: Any, kind: type[IntEnum], place: str) -> int:
-    """Return the enumeration's number for its lower-case name. Raises `RigError`."""
-    names = {member.name.lower(): int(member) for member in kind}
+    """Return the enumeration's number for its written name. Raises `RigError`."""
+    names = {written(member): int(member) for member in kind}
     return names[_one_of(value, names, place)]
+
+
+def written(member: IntEnum) -> str:
+    """Return how a choice is written in a rig description."""
+    return member.name.lower().replace("_", "-")
 
 
 def nearest(key: str, known: Iterable[str], title: str = "its keys are") -> str:
@@ -161,7 +167,7 @@ def describe(key: str, hint: Any) -> str:
     if get_origin(hint) is Literal:
         return f"{key}: one of {', '.join(map(str, get_args(hint)))}"
     if isinstance(hint, type) and issubclass(hint, IntEnum):
-        return f"{key}: one of {', '.join(member.name.lower() for member in hint)}"
+        return f"{key}: one of {', '.join(map(written, hint))}"
     return key
 
 
