@@ -16,15 +16,13 @@ import numpy as np
 
 from simulator.compile import inlined, kernel
 from simulator.law import LATCHED, friction, latched_factor, normal_force
-from simulator.rig import BackupBearing, BearingKind, Model
+from simulator.rig import MOST_PINS, BackupBearing, BearingKind, Model
 from simulator.state import State
 
 BALL = int(BearingKind.BALL)
 PINNED = int(BearingKind.PINNED)
 
-MOST_CANDIDATES = 4
-PIN_LENGTH = 2e-3  # m: behind it lies the casing, which has no contact of its own
-HALF_ROOT = sqrt(0.5)
+MOST_CANDIDATES = MOST_PINS
 
 
 class Contact(NamedTuple):
@@ -43,7 +41,7 @@ class Contact(NamedTuple):
 @inlined
 def candidate_count(bearing: BackupBearing) -> int:
     """Return the number of places where shaft and bearing may touch."""
-    return MOST_CANDIDATES if bearing.kind == PINNED else 1
+    return bearing.pin_count if bearing.kind == PINNED else 1
 
 
 @inlined
@@ -67,19 +65,34 @@ def wall(
 def pin_wall(
     bearing: BackupBearing, shaft_radius: float, index: int, x: float, y: float
 ) -> tuple[float, float, float]:
-    """Return normal and penetration at pin `index`, counted from the first quadrant with rotation.
+    """Return normal and penetration at pin `index`, counted with rotation.
 
-    The pins are radial, on the diagonals, with spherical tips of radius r_t whose apex is at the
-    clearance from the shaft at rest in the middle.
+    The pins are radial and evenly spaced, with spherical tips of radius r_t whose apex is at the clearance
+    from the shaft at rest in the middle.
     """
     reach = shaft_radius + bearing.pin_tip_radius
-    distance = (reach + bearing.clearance) * HALF_ROOT
-    to_x = (-distance if 0 < index < 3 else distance) - x
-    to_y = (distance if index < 2 else -distance) - y
+    distance = reach + bearing.clearance
+    if index + 1 == bearing.worn_pin:
+        distance += bearing.pin_wear
+    pin_x, pin_y = pin_direction(bearing, index)
+    to_x = distance * pin_x - x
+    to_y = distance * pin_y - y
     length = sqrt(to_x * to_x + to_y * to_y)
     if length == 0.0:
         return 0.0, 0.0, reach
     return to_x / length, to_y / length, reach - length
+
+
+@inlined
+def pin_direction(bearing: BackupBearing, index: int) -> tuple[float, float]:
+    """Return the unit vector from the bearing's centre to pin `index`."""
+    x, y = bearing.pin_x, bearing.pin_y
+    for _ in range(index):
+        x, y = (
+            x * bearing.pin_turn_x - y * bearing.pin_turn_y,
+            x * bearing.pin_turn_y + y * bearing.pin_turn_x,
+        )
+    return x, y
 
 
 @inlined
@@ -148,7 +161,7 @@ def candidate_contact(model: Model, damping_factor: float, index: int, state: St
 def contact_force(model: Model, damping_factors: np.ndarray, state: State) -> Contact:
     """Return what the backup bearing does to the rotor in a state.
 
-    `damping_factors` (4,) holds eta (s/m) of each candidate: see `latch`.
+    `damping_factors` (8,) holds eta (s/m) of each candidate: see `latch`.
     """
     total = candidate_contact(model, damping_factors[0], 0, state)
     for index in range(1, candidate_count(model.backup_bearing)):
@@ -184,7 +197,7 @@ def penetration(model: Model, state: State) -> float:
 
 @inlined
 def latch(model: Model, state: State, damping_factors: np.ndarray) -> None:
-    """Bring the damping factors (4,), s/m, of the open candidates up to date; call it before each substep.
+    """Bring the damping factors (8,), s/m, of the open candidates up to date; call it before each substep.
 
     Mode `fixed`: they stay what they are. Mode `latched`: an open candidate's is that of a closing at this
     moment's speed (P3 eq 21), so that a closing keeps that of its last open substep until it opens.
@@ -207,5 +220,5 @@ def beyond_pins(model: Model, state: State) -> bool:
     if bearing.kind != PINNED:
         return False
     x, y, _, _ = relative_motion(model, state)
-    reach = bearing.clearance + PIN_LENGTH
+    reach = bearing.clearance + bearing.pin_length
     return x * x + y * y > reach * reach

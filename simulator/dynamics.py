@@ -114,7 +114,7 @@ def shaft_acceleration(model: Model, load: float, inputs: Inputs) -> float:
 def derivatives(model: Model, damping_factors: np.ndarray, inputs: Inputs, state: State) -> State:
     """Return the rate of change of each field of the state, with the contact as it is in that state.
 
-    `damping_factors` (4,), s/m: see `simulator.contact.latch`. The speed error's integral belongs to the
+    `damping_factors` (8,), s/m: see `simulator.contact.latch`. The speed error's integral belongs to the
     controller, which works once a tick: its rate is zero here.
     """
     rotor, house = model.rotor, model.housing

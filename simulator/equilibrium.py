@@ -17,12 +17,7 @@ def static_state(model: Model) -> np.ndarray:
 
     The shaft hangs in the vertical plane. Raises `RigError` when nothing carries it.
     """
-    low, high = -deepest(model), deepest(model)
-    if not (excess(model, low) >= 0.0 >= excess(model, high)):
-        raise RigError(
-            "neither [magnetic_bearing] stiffness nor [backup_bearing] stiffness carries the weight of "
-            "[rotor]; check their units"
-        )
+    low, high = bracket(model)
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         if excess(model, middle) > 0.0:
@@ -35,6 +30,21 @@ def static_state(model: Model) -> np.ndarray:
     values[STATE.index("tilt_y")] = (offset + house) / model.rotor.bearing_station
     values[STATE.index("house_y")] = house
     return values
+
+
+def bracket(model: Model) -> tuple[float, float]:
+    """Return offsets (m) below and above the one at rest. Raises `RigError` when nothing carries the shaft.
+
+    Pins do not carry a shaft pressed as far between them as their tips' centres: nearer ones are tried too.
+    """
+    reach = deepest(model)
+    for share in (1.0, 0.5, 0.25):
+        if excess(model, -share * reach) >= 0.0 >= excess(model, share * reach):
+            return -share * reach, share * reach
+    raise RigError(
+        "neither [magnetic_bearing] stiffness nor [backup_bearing] stiffness carries the weight of "
+        "[rotor]; check their units"
+    )
 
 
 def deepest(model: Model) -> float:

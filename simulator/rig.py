@@ -9,9 +9,10 @@ description stays quick; numba's kernels take a `Model` as it is.
 
 from collections.abc import Mapping
 from enum import IntEnum
+from math import sqrt
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
-from simulator.validation import NAME, Quantity, RigError, tuple_at
+from simulator.validation import NAME, Derived, Quantity, RigError, keys_of, tuple_at
 
 __all__ = [
     "BackupBearing",
@@ -29,6 +30,10 @@ __all__ = [
     "Solenoid",
     "model_from_mapping",
 ]
+
+
+MOST_PINS = 8
+HALF_ROOT = sqrt(0.5)
 
 
 class BearingKind(IntEnum):
@@ -124,6 +129,19 @@ class BackupBearing(NamedTuple):
     stribeck_speed: Annotated[
         float, Quantity("m/s", 1e-4, 10.0, "slip that halves what static friction adds [v_s]")
     ] = 0.05
+    pin_count: Annotated[int, Quantity("1", 3, MOST_PINS, "pins, evenly around the shaft; pinned only")] = 4
+    pin_angle_deg: Annotated[
+        float, Quantity("deg", -360.0, 360.0, "of the first pin, from +x towards +y; pinned only")
+    ] = 45.0
+    pin_length: Annotated[float, Quantity("m", 0.0, 1.0, "from a pin's tip to the casing; pinned only")] = (
+        2e-3
+    )
+    worn_pin: Annotated[int, Quantity("1", 0, MOST_PINS, "number of a shorter pin, from 1 on; 0: none")] = 0
+    pin_wear: Annotated[float, Quantity("m", -0.01, 0.01, "what the worn pin's gap is wider by")] = 0.0
+    pin_x: Annotated[float, Derived("direction of the first pin")] = HALF_ROOT
+    pin_y: Annotated[float, Derived("likewise")] = HALF_ROOT
+    pin_turn_x: Annotated[float, Derived("cosine of the angle between neighbouring pins")] = 0.0
+    pin_turn_y: Annotated[float, Derived("sine of it")] = 1.0
 
 
 class Housing(NamedTuple):
@@ -176,6 +194,6 @@ def model_from_mapping(tables: Mapping[str, Mapping[str, Any]], parent: str = ""
     parts = {}
     for name, part in get_type_hints(Model).items():
         if name not in tables:
-            raise RigError(f"table [{prefix}{name}] is missing; it holds: {', '.join(part._fields)}")
+            raise RigError(f"table [{prefix}{name}] is missing; it holds: {', '.join(keys_of(part))}")
         parts[name] = tuple_at(part, tables[name], f"[{prefix}{name}]")
     return Model(**parts)

@@ -24,15 +24,19 @@ def run(
     values: np.ndarray,
     damping_factors: np.ndarray,
     truth: np.ndarray,
+    begin: int,
+    end: int,
 ) -> tuple[int, bool]:
-    """Fill `truth` (17, n) from `sample` on and step n ticks; return how many were good, and "behind pins".
+    """Fill the columns `begin` to `end` of `truth` (17, n), the first being `sample`, and step as often.
 
-    `values` (12,) and `damping_factors` (4,) hold the state and are brought up to date. A count below n
-    means that the state after that many ticks is no number any more, or out of all proportion.
+    Return how many ticks were good, and whether the shaft was behind the pins.
+    `values` (12,) and `damping_factors` (8,) hold the state and are brought up to date. A count below
+    the columns' means that the state after that many ticks is no number any more, or out of all proportion.
     """
     state = unpacked(values)
     lost = False
-    for column in range(truth.shape[1]):
+    sample -= begin
+    for column in range(begin, end):
         depth = penetration(model, state)
         touching = may_touch(model, tick, state, depth)
         record(model, tick, ramp, pulses, sample + column, damping_factors, state, depth, truth, column)
@@ -40,9 +44,9 @@ def run(
         lost = lost or beyond_pins(model, state)
         if not sound(state):
             pack(state, values)
-            return column, lost
+            return column - begin, lost
     pack(state, values)
-    return truth.shape[1], lost
+    return end - begin, lost
 
 
 @inlined

@@ -5,6 +5,7 @@ A field's annotation says what it may hold:
 - `Annotated[float, Quantity(...)]`, or `int`: a number in a closed range, with unit and meaning;
 - `Annotated[tuple[float, float], Quantity(...)]`: the lower and the upper end of a range;
 - `Annotated[str, Pattern(...)]`: a text of a given form; `str`: any text that is not empty;
+- `Annotated[..., Derived(...)]`: nothing, since it is computed from the others;
 - `bool`, `datetime.date`, `Literal["a", "b"]`, or an `IntEnum`, which is written as its lower-case name
   with hyphens.
 
@@ -41,6 +42,12 @@ class Pattern(NamedTuple):
     meaning: str
 
 
+class Derived(NamedTuple):
+    """Marks a field that is computed from others and stands in no file; it needs a default."""
+
+    meaning: str
+
+
 NAME = Annotated[str, Pattern(r"[A-Za-z][A-Za-z0-9_-]*", "a name: a letter, then letters, digits, _ and -")]
 
 
@@ -53,7 +60,7 @@ def tuple_at(kind: type, table: Mapping[str, Any], place: str) -> Any:
     """Do as `tuple_from_mapping`; `place` is how messages name the table. Raises `RigError`."""
     if not isinstance(table, Mapping):
         raise RigError(f"{place} must be a table, not {table!r}")
-    hints = get_type_hints(kind, include_extras=True)
+    hints = keys_of(kind)
     for key in table:
         if key not in hints:
             raise RigError(f"{place} {key} is not a key of this table{nearest(key, hints)}")
@@ -61,6 +68,16 @@ def tuple_at(kind: type, table: Mapping[str, Any], place: str) -> Any:
         if key not in table and key not in kind._field_defaults:  # type: ignore[attr-defined]
             raise RigError(f"{place} lacks {describe(key, hint)}")
     return kind(**{key: value_of(hints[key], value, f"{place} {key}") for key, value in table.items()})
+
+
+def keys_of(kind: type) -> dict[str, Any]:
+    """Return the annotations of the fields that a rig description may hold."""
+    hints = get_type_hints(kind, include_extras=True)
+    return {
+        key: hint
+        for key, hint in hints.items()
+        if not any(isinstance(part, Derived) for part in get_args(hint))
+    }
 
 
 def value_of(hint: Any, value: Any, place: str) -> Any:
