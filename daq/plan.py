@@ -56,7 +56,7 @@ STEPS: dict[str, type[Step]] = {"wait": WaitStep, "speed": SpeedStep, "hit": Hit
 
 
 class PlanHead(NamedTuple):
-    """Table `[plan]`."""
+    """Table `[plan]`: what the plan is called."""
 
     name: NAME
     description: str

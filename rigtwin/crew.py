@@ -6,17 +6,20 @@ for it (the daq brings the rotor to rest, the recorder writes its certificate). 
 of their own, so that Ctrl-C in the terminal reaches the supervisor alone.
 """
 
+import os
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
+NICENESS = {"display": 10}  # whoever shows never slows whoever measures
+
 
 class Child:
     """One child process with its log file and the pipe that keeps it alive."""
 
-    def __init__(self, name: str, arguments: Sequence[str], folder: Path) -> None:
+    def __init__(self, name: str, arguments: Sequence[str], folder: Path, niceness: int = 0) -> None:
         self.name = name
         self.arguments = list(arguments)
         self.log = folder / f"{name}.log"
@@ -30,6 +33,8 @@ class Child:
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
             )
+        if niceness:
+            os.setpriority(os.PRIO_PROCESS, self._process.pid, niceness)
 
     @property
     def pid(self) -> int:
@@ -80,7 +85,7 @@ class Crew:
 
     def start(self, name: str, *arguments: str) -> Child:
         """Start a child, or start one anew under the same name."""
-        child = Child(name, arguments, self.folder)
+        child = Child(name, arguments, self.folder, NICENESS.get(name, 0))
         self._children[name] = child
         return child
 
