@@ -9,6 +9,7 @@ from simulator.contact import MOST_CANDIDATES
 from simulator.drive import set_point
 from simulator.equilibrium import static_state
 from simulator.faults import Fault, damaged, schedule
+from simulator.flight import no_flight
 from simulator.law import constant_factor
 from simulator.numeric import direction
 from simulator.rig import (
@@ -65,6 +66,7 @@ class Simulation:
         self.state = static_state(self.model) if state is None else checked_state(state)
         self._ramp = np.array([self.state[10], self.state[10], 1.0, 0.0])
         self._pulses = np.empty((0, PULSE_FIELDS))
+        self._flight = no_flight()
         self._faults = schedule(faults, self.rate)
 
     def advance(self, truth: np.ndarray) -> None:
@@ -93,6 +95,7 @@ class Simulation:
         """Go on with another model of the rig from the next sample on. Raises `RigError`."""
         self.model = checked(model)
         self.tick = tick_of(self.model, 1.0 / self.rate)
+        self._flight = no_flight()
         if self.model.backup_bearing.damping_mode != DampingMode.LATCHED:
             self.damping_factors[:] = first_damping_factors(self.model)
 
@@ -128,6 +131,7 @@ class Simulation:
             self.tick,
             self._ramp,
             self._pulses,
+            self._flight,
             self.sample,
             self.state,
             self.damping_factors,
