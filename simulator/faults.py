@@ -30,7 +30,7 @@ class Fault(NamedTuple):
 
     kind: FaultKind
     at: Annotated[float, Quantity("s", 0.0, 1e7, "when it begins, from the first sample on")]
-    size: Annotated[float | None, Quantity("1", -1e9, 1e9, "how large it is: see `SIZES`")] = None
+    size: Annotated[float | None, Quantity("1", -1e9, 1e9, "how large it is")] = None
     channel: NAME = ""
     angle_deg: Annotated[
         float, Quantity("deg", -360.0, 360.0, "of the unbalance added, or of the runout's largest reading")
