@@ -15,7 +15,7 @@ from benchmarks.report import Figure, parser, show
 
 BEGIN, SECONDS = "step 2", 5.0  # measured from the plan's second step on, s
 CHAIN = ("daq", "recorder", "twin", "operator")
-NAMES = {"acquire": "daq", "operate": "operator", "observe": "twin", "record": "recorder", "display": "display"}
+NAMES = {"acquire": "daq", "operate": "operator", "observe": "twin", "record": "recorder"}
 
 
 def shares(view: str, folder: Path) -> dict[str, float]:
