@@ -1,7 +1,8 @@
 """Runs the twin anew over the blocks of a recording.
 
 `Repetition` does it exactly as the live twin did: a block that was shed, a late start and a second
-process are in the recording as the twin's events, by sample index. `estimate` does it afresh, over every block.
+process are in the recording as the twin's events, by sample index. `estimate` does it afresh, over every
+block.
 """
 
 from collections.abc import Callable, Iterator
