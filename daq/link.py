@@ -120,13 +120,13 @@ class CachingPublisher(Publisher):
         Raises:
             LinkError: publisher or link are closed.
         """
-        stamp = self._cache.keep(payload)
+        stamp = self._cache.stamp(payload)
         self._send(payload, stamp)
-        self._cache.sent = stamp[1]
+        self._cache.keep(payload, stamp)
 
     def beat(self) -> None:
         """Tell the newest number, if there is one."""
-        number = self._cache.sent
+        number = self._cache.newest
         if number >= 0:
             with suppress(zenoh.ZError, IndexError):
                 self._entities[1].put(b"", attachment=STAMP.pack(self._cache.publisher, number, 0))
@@ -272,7 +272,7 @@ class Link:
         elif recover:
             recovery = Recovery(self._fetch)
             subscription.hold(
-                self._subscriber(key, _offer(inbox, subscription, recovery)),
+                self._subscriber(key, _offer(key, inbox, subscription, recovery)),
                 self._subscriber(f"{key}/{RECOVER}/*", _offer_newest(inbox, recovery)),
             )
         else:
@@ -419,9 +419,10 @@ def _put(inbox: Inbox, subscription: Subscription) -> _Receive:
     return receive
 
 
-def _offer(inbox: Inbox, subscription: Subscription, recovery: Recovery) -> _Receive:
+def _offer(key: str, inbox: Inbox, subscription: Subscription, recovery: Recovery) -> _Receive:
     """Return a callback that offers messages that a cache holds to an inbox, and puts all others."""
     put = _put(inbox, subscription)
+    only_key = None if "*" in key else key
 
     def receive(sample: zenoh.Sample) -> None:
         _keep_thread_state()
@@ -429,7 +430,7 @@ def _offer(inbox: Inbox, subscription: Subscription, recovery: Recovery) -> _Rec
         if stamp is None or not stamp[0]:
             put(sample)
         else:
-            inbox.offer(str(sample.key_expr), sample.payload.to_bytes(), stamp, recovery)
+            inbox.offer(only_key or str(sample.key_expr), sample.payload.to_bytes(), stamp, recovery)
 
     return receive
 

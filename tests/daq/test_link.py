@@ -264,9 +264,9 @@ class TestDamage:
         client.subscribe(KEY, inbox, recover=True)
         publisher = server.publish(KEY, cache=10)
         publisher.put(payload_of(0))
-        stamp = publisher._cache.keep(payload_of(1))
+        stamp = publisher._cache.stamp(payload_of(1))
         self.damage(publisher, payload_of(1), stamp)
-        publisher._cache.sent = 1
+        publisher._cache.keep(payload_of(1), stamp)
         publisher.put(payload_of(2))
         assert [inbox.get(PATIENCE) for _ in range(3)] == [(KEY, payload_of(number)) for number in range(3)]
 

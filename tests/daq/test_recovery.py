@@ -23,14 +23,15 @@ def recovery_from(cache, reachable=lambda: True):
 
 def publish(cache):
     """Publish the next number's payload; return its stamp."""
-    stamp = cache.keep(payload_of(cache.sent + 1))
-    cache.sent = stamp[1]
+    payload = payload_of(cache.newest + 1)
+    stamp = cache.stamp(payload)
+    cache.keep(payload, stamp)
     return stamp
 
 
 def newest(cache):
     """Return the stamp that tells the newest number."""
-    return cache.publisher, cache.sent, 0
+    return cache.publisher, cache.newest, 0
 
 
 def received_by(inbox):
@@ -48,7 +49,7 @@ def test_whatever_is_lost_everything_is_received_once_and_in_order(fates):
     for fate in fates:
         if fate == "consume":
             received += received_by(inbox)
-        elif fate == "newest" and cache.sent >= 0:
+        elif fate == "newest" and cache.newest >= 0:
             inbox.offer(KEY, None, newest(cache), subscription)
         elif fate != "newest":
             stamp = publish(cache)
@@ -57,17 +58,17 @@ def test_whatever_is_lost_everything_is_received_once_and_in_order(fates):
             for copy in copies.get(fate, [payload]):
                 inbox.offer(KEY, copy, stamp, subscription)
     received += received_by(inbox)
-    if cache.sent >= 0:
+    if cache.newest >= 0:
         inbox.offer(KEY, None, newest(cache), subscription)
     received += received_by(inbox)
-    assert received == list(range(cache.sent + 1))
+    assert received == list(range(cache.newest + 1))
     assert subscription.missed == 0
 
 
 def test_a_cache_gives_what_it_still_has_piece_by_piece():
     cache = Cache(50)
     for _ in range(120):
-        cache.sent = cache.keep(bytes(100_000))[1]
+        cache.keep(bytes(100_000), cache.stamp(bytes(100_000)))
     inbox, subscription = Inbox(1, "wait"), recovery_from(cache)
     assert len(cache.pack(range_of(0, 120))) < recovery.PIECE_BYTES + 101_000
     inbox.offer(KEY, None, newest(cache), subscription)
@@ -97,6 +98,15 @@ def test_a_damaged_or_shortened_piece_is_fetched_again():
     while damages:
         received += received_by(inbox)
     assert received == [0, 1, 2, 3, 4]
+
+
+@given(st.binary(min_size=1, max_size=20_000), st.data())
+def test_an_end_that_belongs_to_others_is_noticed(payload, data):
+    stamp = Cache(1).stamp(payload)
+    cut = data.draw(st.integers(0, len(payload) - 1))
+    damaged = payload[:cut] + bytes(octet ^ 0x5A for octet in payload[cut:])
+    assert recovery.is_whole(payload, stamp)
+    assert not recovery.is_whole(damaged, stamp)
 
 
 def test_what_no_cache_has_any_more_is_counted():
