@@ -21,15 +21,25 @@ PHASES = (0.0, tau / 4, tau / 2, 3 * tau / 4)  # rad, P3 section 5
 HEAVY = 990e-6 + 75e-6  # kg m: 30 g at 33 mm and the residual, in phase
 UNBALANCES = (75e-6, 120e-6, 140e-6, 160e-6, 180e-6, 205e-6, 280e-6)  # kg m, towards P2 table 3
 RAMPS = (0.4, 0.5, 0.625, 0.75, 1.0, 1.5)  # s for 20 Hz
-DELAYS = tuple(0.5 + number / 15.0 / 16.0 for number in range(16))  # s: over one turn at 15 Hz
+DELAYS = tuple(round(0.5 + number / 15.0 / 16.0, 3) for number in range(16))  # s: over one turn at 15 Hz
 DROPPED = (0.0, 15e-6, 21e-6, 30e-6, 105e-6, 207e-6, 318e-6, 420e-6)  # kg m, P1 figure 5
 BIFURCATION = tuple(round(10e-6 * number, 9) for number in range(43))
-LIFTS = tuple(float(force) for force in range(-34, -23))  # N, of the coupling in a drop
+LIGHT = (15e-6, 25e-6, 35e-6, 45e-6, 60e-6)  # kg m
+HIGHER = (-14.0, -16.0, -18.0, -20.0)  # N
+FORCES = (20.0, 40.0, 60.0, 80.0)  # N
+LIFTS = (0.0, -12.0, -20.0, -26.0, -28.0, -30.0, -32.0, -33.0, -33.5, -34.0, -34.5, -35.0, -36.0)  # N
 P1_CONTACT = {
     "stiffness": 2.5e10,
     "damping_mode": 1,
     "restitution": 1.0 - (1.0 - 0.9**2) / 2,
     "friction": 0.2,
+    "ring_damping": 0.0,
+}
+DROP_CONTACTS = {  # of the rig thesis-drop, and what differs from it
+    "P3": {},
+    "P3, ring with P3's drag": {"ring_damping": 6.908e-5},
+    "P3, calibrated": {"stiffness": 5.0e7, "damping_factor": 2.1},
+    "P1": P1_CONTACT,
 }
 
 
@@ -45,9 +55,11 @@ def published_drop() -> Model:
     return changed(model("thesis-ball"), rotor={"coupling_force": 0.0}, backup_bearing=P1_CONTACT)
 
 
-def lifted_drop(force: float, rig: str) -> Model:
-    """Return the rotor with a coupling that carries `force` (N, negative) and a rig's contact, P1's friction."""
-    return changed(model(rig), rotor={"coupling_force": force}, backup_bearing={"friction": 0.2})
+def lifted_drop(force: float, contact: str = "P3") -> Model:
+    """Return the rotor of the rig `thesis-drop` with a coupling that lifts by -`force` N."""
+    return changed(
+        model("thesis-drop"), rotor={"coupling_force": force}, backup_bearing=DROP_CONTACTS[contact]
+    )
 
 
 def solenoid() -> Solenoid:
@@ -55,9 +67,9 @@ def solenoid() -> Solenoid:
     return load_rig("thesis-ball").solenoids[0]
 
 
-def vertical() -> Solenoid:
-    """Return a solenoid that pushes upwards."""
-    return solenoid()._replace(name="vertical", angle_deg=90.0)
+def pushing(angle_deg: float) -> Solenoid:
+    """Return a solenoid that pushes into another direction."""
+    return solenoid()._replace(angle_deg=angle_deg)
 
 
 def jobs() -> dict[str, Job]:
@@ -109,8 +121,8 @@ def unbalance_jobs(name: str, of: Model) -> dict[str, Job]:
 
 
 def ramp_jobs(name: str, of: Model) -> dict[str, Job]:
-    """Ramp up and down in ever less time."""
-    return {
+    """Ramp up and down in ever less time; in 0.75 s also with less unbalance and a higher rest position."""
+    found = {
         f"{name} ramp {seconds:g} {phase:.2f} {'down' if down else 'up'}": Job(
             touches_in_ramp, (of, seconds, phase, down)
         )
@@ -118,28 +130,34 @@ def ramp_jobs(name: str, of: Model) -> dict[str, Job]:
         for phase in PHASES
         for down in (False, True)
     }
+    variants = {f"unbalance {value:.6f}": {"unbalance": value} for value in LIGHT}
+    variants |= {f"coupling {force:g}": {"coupling_force": force} for force in HIGHER}
+    for variant, rotor in variants.items():
+        for phase in PHASES:
+            job = Job(touches_in_ramp, (changed(of, rotor=rotor), 0.75, phase, False))
+            found[f"{name} ramp {variant} {phase:.2f}"] = job
+    return found
 
 
 def hit_jobs(name: str, of: Model) -> dict[str, Job]:
-    """Hit at 15 Hz, sideways and upwards, at sixteen angles of a turn."""
+    """Hit at 15 Hz from either side and upwards, at sixteen angles of a turn."""
     return {
-        f"{name} hit {pushed.name} {force:g}": Job(hits, (of, pushed, force, 15.0, DELAYS))
-        for pushed in (solenoid(), vertical())
-        for force in (40.0, 60.0, 80.0)
+        f"{name} hit {angle:g} {force:g}": Job(hits, (of, pushing(angle), force, 15.0, DELAYS))
+        for angle in (180.0, 0.0, 90.0)
+        for force in FORCES
     }
 
 
 def drop_jobs() -> dict[str, Job]:
     """Drop at 10 Hz over the unbalance, as published and with the coupling's lift."""
-    found = {f"published {value:.6f}": Job(drop, (published_drop(), value)) for value in BIFURCATION}
     shipped = model("thesis-drop").rotor.coupling_force
-    for value in BIFURCATION:
-        found[f"lifted {value:.6f}"] = Job(drop, (lifted_drop(shipped, "thesis-ball"), value))
+    found = {}
+    for value in sorted({*BIFURCATION, *DROPPED}):
+        found[f"published {value:.6f}"] = Job(drop, (published_drop(), value))
+        found[f"lifted {value:.6f}"] = Job(drop, (lifted_drop(shipped), value))
     for value in DROPPED:
-        found[f"tenfold {value:.6f}"] = Job(drop, (lifted_drop(0.0, "thesis-ball-nominal"), 10.0 * value))
-        for rig in ("thesis-ball", "thesis-ball-nominal"):
+        found[f"tenfold {value:.6f}"] = Job(drop, (lifted_drop(0.0), 10.0 * value))
+        for contact in DROP_CONTACTS:
             for force in LIFTS:
-                found[f"{rig} {force:g} {value:.6f}"] = Job(drop, (lifted_drop(force, rig), value))
-        found[f"published at {value:.6f}"] = Job(drop, (published_drop(), value))
-        found[f"lifted at {value:.6f}"] = Job(drop, (lifted_drop(shipped, "thesis-ball"), value))
+                found[f"{contact} {force:g} {value:.6f}"] = Job(drop, (lifted_drop(force, contact), value))
     return found
