@@ -26,7 +26,7 @@ from daq.messages_pb2 import Event, Status
 from daq.plan import load_plan
 from daq.recording import Message, Recording, RecordingWriter
 from daq.rig import Rig, load_rig, with_ports
-from rigtwin.simulate import simulate
+from rigtwin.simulate_command import simulate
 
 RIG = "thesis-ball"
 PATIENCE = 120.0

@@ -157,7 +157,8 @@ class Acquisition:
     def elapse(self, seconds: float) -> None:
         """Let time pass by the daq's own clock; a holder that is silent for too long loses the lease."""
         if self.commands.elapse(seconds):
-            text = f"{self.commands.holder} was silent for 0.1 s: lease lost, rig brought to rest"
+            silence = f"{self.commands.holder} was silent for {self.rig.command.lease:g} s"
+            text = f"{silence}: lease lost, rig brought to rest"
             self._trip("lease_lost", protection.Trip(LEASE_LOST, self._backend.clock(), text))
 
     def rest(self) -> None:

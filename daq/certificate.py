@@ -276,7 +276,7 @@ class Ledger:
             found = variable(series)
             self._layouts[key] = Layout(series)
         first, columns = found.first_sample, found.shape[1]
-        if first < self._skip.get(key, self.first_sample):
+        if first < self._skip.get(key, 0):
             return None
         if not self.covered(kind).add(first, first + columns * self._layouts[key].stride):
             return None
@@ -295,7 +295,7 @@ class Ledger:
             return self._is_new_event(payload)
         if kind == "Status":
             return True
-        new = sample >= self._skip.get(key, self.first_sample) and sample > self._last_sample.get(key, -1)
+        new = sample >= self._skip.get(key, 0) and sample > self._last_sample.get(key, -1)
         if new:
             self._last_sample[key] = sample
         return new

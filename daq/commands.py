@@ -1,8 +1,8 @@
 """Who may move the rig, and how far: the rules for commands, without a device, a clock or a link.
 
 A rig moves only while it is armed. `arm` gives one holder a lease; `speed` and `hit` need it. Whoever may
-send commands may `stop` and `trip`. A holder that is silent for `LEASE_SILENCE` loses the lease. Each
-refusal is one plain sentence that says what is allowed.
+send commands may `stop` and `trip`. A holder that is silent for longer than the rig's `[command] lease`
+loses it. Each refusal is one plain sentence that says what is allowed.
 """
 
 from collections.abc import Callable
@@ -16,8 +16,6 @@ from daq.rig import Rig
 from simulator.rig import Solenoid
 from simulator.validation import nearest
 
-LEASE_SILENCE = 0.100
-"""s of a silent holder after which the lease is lost."""
 COUNTED_PAUSE = 0.025
 """s: most that one pause of the daq itself counts towards the holder's silence, so that a daq that was
 held up hears the renewals that wait for it before it judges."""
@@ -131,7 +129,7 @@ class Commands:
         if not self._lease:
             return False
         self._silence += min(seconds, COUNTED_PAUSE)
-        return self._silence >= LEASE_SILENCE
+        return self._silence >= self._rig.command.lease
 
     def disarm(self) -> str:
         """Revoke the lease and return the name of who held it."""

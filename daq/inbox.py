@@ -98,10 +98,14 @@ class Inbox:
             self._room.get_nowait()
         except Empty:
             if recovery is None:
-                self._left_out.put(None)
+                self.count_drop()
             return
         if not self._closed:
             self._messages.put((key, payload, 0, stamp, recovery))
+
+    def count_drop(self) -> None:
+        """Count a message that was dropped before it could be put."""
+        self._left_out.put(None)
 
     def get(self, timeout: float | None = None) -> tuple[str, bytes] | None:
         """Return the next key and payload.
@@ -135,7 +139,7 @@ class Inbox:
                 self._dropped += dropped
             if stamp is None or recovery is None:
                 return key, payload or b""
-            if payload is not None and recovery.is_due(stamp):
+            if payload is not None and recovery.is_due(payload, stamp):
                 return key, payload
             self._catching_up = _with_key(key, recovery.catch_up(key, stamp, payload))
 

@@ -25,7 +25,7 @@ from typing import Any, Self, TypeVar
 import zenoh
 
 from daq.inbox import Inbox
-from daq.recovery import STAMP, Cache, Recovery, range_of
+from daq.recovery import STAMP, Cache, Recovery, Stamp, is_whole, range_of, stamp_of
 
 __all__ = [
     "Declaration",
@@ -59,6 +59,7 @@ REFUSAL = "rigtwin/refusal"
 """Encoding of an error reply that is a refusal, not zenoh's own error."""
 EPHEMERAL_RANGE = Path("/proc/sys/net/ipv4/ip_local_port_range")
 
+_UNPACK: Callable[[bytes], Stamp] = STAMP.unpack
 _Receive = Callable[[zenoh.Sample], None]
 _thread = local()
 
@@ -106,8 +107,11 @@ class Publisher(Declaration):
         Raises:
             LinkError: publisher or link are closed.
         """
+        self._send(payload, stamp_of(payload))
+
+    def _send(self, payload: bytes, stamp: Stamp) -> None:
         try:
-            self._entities[0].put(payload)
+            self._entities[0].put(payload, attachment=STAMP.pack(*stamp))
         except (zenoh.ZError, IndexError):
             raise LinkError("cannot publish: publisher or link are closed") from None
 
@@ -130,20 +134,16 @@ class CachingPublisher(Publisher):
         Raises:
             LinkError: publisher or link are closed.
         """
-        cache = self._cache
-        number = cache.keep(payload)
-        try:
-            self._entities[0].put(payload, attachment=STAMP.pack(cache.publisher, number))
-        except (zenoh.ZError, IndexError):
-            raise LinkError("cannot publish: publisher or link are closed") from None
-        cache.sent = number
+        stamp = self._cache.keep(payload)
+        self._send(payload, stamp)
+        self._cache.sent = stamp[1]
 
     def beat(self) -> None:
         """Tell the newest number, if there is one."""
         number = self._cache.sent
         if number >= 0:
             with suppress(zenoh.ZError, IndexError):
-                self._entities[1].put(b"", attachment=STAMP.pack(self._cache.publisher, number))
+                self._entities[1].put(b"", attachment=STAMP.pack(self._cache.publisher, number, 0))
 
 
 class Subscription(Declaration):
@@ -486,11 +486,14 @@ def _reason(error: zenoh.ZError, listen: Sequence[str], connect: Sequence[str]) 
 
 
 def _hand_over(take: Callable[[str, bytes], None]) -> _Receive:
-    """Return a callback that calls a user's function."""
+    """Return a callback that calls a user's function with each message that is whole."""
 
     def receive(sample: zenoh.Sample) -> None:
         _keep_thread_state()
-        take(str(sample.key_expr), sample.payload.to_bytes())
+        payload = sample.payload.to_bytes()
+        stamp = _stamp(sample)
+        if stamp is None or is_whole(payload, stamp):
+            take(str(sample.key_expr), payload)
 
     return receive
 
@@ -500,26 +503,29 @@ def _put(inbox: Inbox, subscription: Subscription) -> _Receive:
 
     def receive(sample: zenoh.Sample) -> None:
         _keep_thread_state()
-        if sample.congestion_control == zenoh.CongestionControl.BLOCK:
-            inbox.put(str(sample.key_expr), sample.payload.to_bytes(), subscription.is_abandoned)
+        payload = sample.payload.to_bytes()
+        stamp = _stamp(sample)
+        if stamp is not None and not is_whole(payload, stamp):
+            inbox.count_drop()
+        elif sample.congestion_control == zenoh.CongestionControl.BLOCK:
+            inbox.put(str(sample.key_expr), payload, subscription.is_abandoned)
         else:
-            inbox.offer(str(sample.key_expr), sample.payload.to_bytes())
+            inbox.offer(str(sample.key_expr), payload)
 
     return receive
 
 
 def _offer(inbox: Inbox, subscription: Subscription, recovery: Recovery) -> _Receive:
-    """Return a callback that offers stamped messages to an inbox, and puts those without a stamp."""
+    """Return a callback that offers messages that a cache holds to an inbox, and puts all others."""
     put = _put(inbox, subscription)
 
     def receive(sample: zenoh.Sample) -> None:
-        stamp = sample.attachment
-        if stamp is None or len(stamp) != STAMP.size:
-            put(sample)
-            return
         _keep_thread_state()
-        numbers = STAMP.unpack(stamp.to_bytes())
-        inbox.offer(str(sample.key_expr), sample.payload.to_bytes(), numbers, recovery)
+        stamp = _stamp(sample)
+        if stamp is None or not stamp[0]:
+            put(sample)
+        else:
+            inbox.offer(str(sample.key_expr), sample.payload.to_bytes(), stamp, recovery)
 
     return receive
 
@@ -528,12 +534,21 @@ def _offer_newest(inbox: Inbox, recovery: Recovery) -> _Receive:
     """Return a callback that offers the newest number of a publisher to an inbox."""
 
     def receive(sample: zenoh.Sample) -> None:
-        stamp = sample.attachment
-        if stamp is not None and len(stamp) == STAMP.size:
-            key = str(sample.key_expr).split(f"/{RECOVER}/")[0]
-            inbox.offer(key, None, STAMP.unpack(stamp.to_bytes()), recovery)
+        _keep_thread_state()
+        stamp = _stamp(sample)
+        if stamp is not None:
+            inbox.offer(str(sample.key_expr).split(f"/{RECOVER}/")[0], None, stamp, recovery)
 
     return receive
+
+
+def _stamp(sample: zenoh.Sample) -> Stamp | None:
+    """Return what came along with a message; None when its publisher is not one of ours."""
+    attachment = sample.attachment
+    if attachment is None:
+        return None
+    content = attachment.to_bytes()
+    return _UNPACK(content) if len(content) == STAMP.size else None
 
 
 def _keep_thread_state() -> None:

@@ -113,7 +113,7 @@ STEPS: dict[str, type[Step | Stair]] = {
 
 
 class PlanHead(NamedTuple):
-    """Table `[plan]`."""
+    """Table `[plan]`: what the plan is called."""
 
     name: NAME
     description: str

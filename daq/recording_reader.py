@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,6 +31,7 @@ from daq.storage import RecordingError
 
 RIG, CHANNELS = "rig.toml", "channels.csv"  # names of the attachments
 FACTS = ("run", "first_sample", "rig", "rate", "t0_ns", "t0_uncertainty_ns", "t0_source", "mode")
+SERIES_KEYS = {"block": keys.block, "estimate": keys.estimate, "truth": keys.truth}
 NS = 10**9
 
 
@@ -239,9 +240,9 @@ class Recording:
         Raises:
             RecordingError: there are no such samples, or no such channel.
         """
-        topic = {"block": keys.block, "estimate": keys.estimate, "truth": keys.truth}[key](
-            self.description.rig
-        )
+        if key not in SERIES_KEYS:
+            raise RecordingError(f"no series is named {key!r}: there are {', '.join(SERIES_KEYS)}")
+        topic = SERIES_KEYS[key](self.description.rig)
         found = []
         for message in self.messages(topic):
             series = decode_series(message.payload)
@@ -255,7 +256,7 @@ class Recording:
             raise RecordingError(
                 f"{self.path}: no channel {unknown[0]!r} in {key}: it has {', '.join(known)}"
             )
-        return _join(found, names or known)
+        return _cut(_join(found, names or known), first, last)
 
     def check(self, on_block: Callable[[Series], None] | None = None) -> Check:
         """Make the account anew from what the file holds and compare it with the certificate.
@@ -424,3 +425,19 @@ def _join(found: Sequence[Series], names: Sequence[str]) -> Signals:
     units = tuple(found[0].units[row] for row in rows)
     gaps = tuple(coverage.gaps(first, end))
     return Signals(first, found[0].rate, stride, tuple(names), units, samples, gaps)
+
+
+def _cut(signals: Signals, first: int, last: int | None) -> Signals:
+    """Return the columns whose index lies between `first` and `last`."""
+    before = max(0, -(-(first - signals.first_sample) // signals.stride))
+    behind = None if last is None else max(0, (last - signals.first_sample) // signals.stride + 1)
+    samples = signals.samples[:, before:behind]
+    begin = signals.first_sample + before * signals.stride
+    end = begin + samples.shape[1] * signals.stride
+    gaps = [(max(start, begin), min(stop, end - 1)) for start, stop in signals.gaps]
+    return replace(
+        signals,
+        first_sample=begin,
+        samples=samples,
+        gaps=tuple((start, stop) for start, stop in gaps if start <= stop),
+    )

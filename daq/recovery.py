@@ -5,6 +5,9 @@ numbers; where some are missing it asks the publisher for them, piece by piece a
 it goes on. So neither a slow nor a stopped subscriber holds anybody else up: what it cannot take now is
 left out and fetched later. A publisher also tells its newest number now and then, which shows a late
 subscriber what there was and a lost last message.
+
+Each message carries a checksum, because zenoh 1.10 may deliver one whose end belongs to others: when it
+gives up a stopped subscriber's connection in the middle of a message, it sends what is left in its queue.
 """
 
 import secrets
@@ -12,6 +15,7 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 from itertools import count
+from zlib import crc32
 
 PIECE_BYTES = 256 * 1024
 """A reply to a subscriber ends with the message that reaches this size."""
@@ -19,12 +23,17 @@ PATIENCE_S = 5.0
 """How long a subscriber asks a publisher that does not answer before it goes on with a gap."""
 PAUSE_S = 0.02
 
-STAMP = struct.Struct("<QQ")
+SEED_MASK = 0xFFFFFFFF
+"""The checksum is the payload's CRC-32, begun with publisher + number + 1, so that it covers these too."""
+STAMP = struct.Struct("<QQI")
 RANGE = struct.Struct("<QQ")
-ENTRY = struct.Struct("<QI")
+ENTRY = struct.Struct("<QII")
 
-Stamp = tuple[int, int]
-"""What a caching publisher sends along with a message: the publisher's number and the message's."""
+Stamp = tuple[int, int, int]
+"""What goes along with a message: number of the publisher, number of the message, checksum.
+
+The first two are 0 when the publisher keeps nothing.
+"""
 Fetch = Callable[[str, int, int, int], bytes | None]
 """(key, publisher, first, end) -> packed messages from number `first` to before `end`; None: no answer."""
 
@@ -41,14 +50,15 @@ class Cache:
         self.sent = -1
         """Number of the newest message that was handed to the network."""
         self._size = size
-        self._ring: list[tuple[int, bytes]] = [(-1, b"")] * size
+        self._ring: list[tuple[int, bytes, int]] = [(-1, b"", 0)] * size
         self._numbers = count()
 
-    def keep(self, payload: bytes) -> int:
-        """Keep a message and return its number."""
+    def keep(self, payload: bytes) -> Stamp:
+        """Keep a message and return its stamp."""
         number = next(self._numbers)
-        self._ring[number % self._size] = (number, payload)
-        return number
+        checksum = crc32(payload, self.publisher + number + 1 & SEED_MASK)
+        self._ring[number % self._size] = (number, payload, checksum)
+        return self.publisher, number, checksum
 
     def pack(self, wanted: bytes) -> bytes:
         """Return the kept messages of a packed range of numbers, oldest first, as many as one reply takes.
@@ -63,10 +73,10 @@ class Cache:
         pieces: list[bytes] = []
         size = 0
         for number in range(max(first, self.sent + 1 - self._size), end):
-            kept, payload = self._ring[number % self._size]
+            kept, payload, checksum = self._ring[number % self._size]
             if kept != number:
                 continue
-            pieces += (ENTRY.pack(number, len(payload)), payload)
+            pieces += (ENTRY.pack(number, len(payload), checksum), payload)
             size += len(payload)
             if size >= PIECE_BYTES:
                 break
@@ -86,10 +96,10 @@ class Recovery:
         self._fetch = fetch
         self._due: dict[int, int] = {}
 
-    def is_due(self, stamp: Stamp) -> bool:
-        """Tell whether a message is the next of its publisher, and if so count it as delivered."""
-        publisher, number = stamp
-        if self._due.get(publisher, 0) != number:
+    def is_due(self, payload: bytes, stamp: Stamp) -> bool:
+        """Tell whether a message is whole and the next of its publisher; if so count it as delivered."""
+        publisher, number, _ = stamp
+        if self._due.get(publisher, 0) != number or not is_whole(payload, stamp):
             return False
         self._due[publisher] = number + 1
         return True
@@ -100,29 +110,35 @@ class Recovery:
         Args:
             key: its key.
             stamp: its stamp.
-            payload: the message; None when the publisher only told its newest number.
+            payload: the message, which is fetched too when it is not whole; None when the publisher only
+                told its newest number.
 
         Yields:
             Payloads in order; None whenever the publisher did not answer and will be asked again.
         """
-        publisher, number = stamp
-        end = number if payload is not None else number + 1
+        publisher, number, _ = stamp
+        in_hand = payload is not None and is_whole(payload, stamp)
+        end = number if in_hand else number + 1
         give_up = time.monotonic() + PATIENCE_S
         while (due := self._due.get(publisher, 0)) < end:
             packed = self._fetch(key, publisher, due, end)
-            if packed is None and time.monotonic() < give_up:
-                yield None
-                time.sleep(PAUSE_S)
-                continue
-            if not packed:
+            if packed == b"":
                 self._advance(publisher, end)
-                break
-            for kept_number, kept in _unpack(packed):
+            for kept_number, kept in _unpack(publisher, packed or b""):
+                if not self._due.get(publisher, 0) <= kept_number < end:
+                    break
                 self._advance(publisher, kept_number)
                 self._due[publisher] = kept_number + 1
+                give_up = time.monotonic() + PATIENCE_S
                 yield kept
-            give_up = time.monotonic() + PATIENCE_S
-        if payload is not None and self.is_due(stamp):
+            if self._due.get(publisher, 0) > due:
+                continue
+            if time.monotonic() > give_up:
+                self._advance(publisher, end)
+                break
+            yield None
+            time.sleep(PAUSE_S)
+        if payload is not None and in_hand and self.is_due(payload, stamp):
             yield payload
 
     def _advance(self, publisher: int, number: int) -> None:
@@ -136,11 +152,25 @@ def range_of(first: int, end: int) -> bytes:
     return RANGE.pack(first, end)
 
 
-def _unpack(packed: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield number and payload of each packed message."""
+def is_whole(payload: bytes, stamp: Stamp) -> bool:
+    """Tell whether a payload is what its publisher sent under this stamp."""
+    publisher, number, checksum = stamp
+    return crc32(payload, publisher + number + 1 & SEED_MASK) == checksum
+
+
+def stamp_of(payload: bytes) -> Stamp:
+    """Return the stamp of a message that is not kept."""
+    return 0, 0, crc32(payload, 1)
+
+
+def _unpack(publisher: int, packed: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield number and payload of each packed message, up to the first that is not whole."""
     position = 0
-    while position < len(packed):
-        number, size = ENTRY.unpack_from(packed, position)
+    while position + ENTRY.size <= len(packed):
+        number, size, checksum = ENTRY.unpack_from(packed, position)
         position += ENTRY.size
-        yield number, packed[position : position + size]
+        payload = packed[position : position + size]
+        if not is_whole(payload, (publisher, number, checksum)):
+            return
+        yield number, payload
         position += size

@@ -45,7 +45,7 @@ NEEDED_BY_TWIN = ("proximity_x", "proximity_y", "encoder_angle", "motor_speed")
 
 
 class Head(NamedTuple):
-    """Table `[rig]`."""
+    """Table `[rig]`: what the rig is called, and its usual plan."""
 
     name: NAME
     description: str

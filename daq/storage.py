@@ -3,6 +3,7 @@
 import errno
 import os
 import queue
+import tempfile
 import threading
 from pathlib import Path
 
@@ -16,6 +17,7 @@ REMEDIES = {
     errno.EROFS: "the file system is read-only: record elsewhere",
     errno.EACCES: "no permission to write there: change it or record elsewhere",
     errno.EPERM: "no permission to write there: change it or record elsewhere",
+    errno.ENOENT: "no file can be made there: record elsewhere",
 }
 
 
@@ -42,12 +44,12 @@ def prepare(path: str | Path) -> Path:
         raise RecordingError(f"{path} exists already: recordings are never overwritten, choose another name")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
     except FileExistsError:
         raise RecordingError(f"{path.parent}: {REMEDIES[errno.ENOTDIR]}") from None
     except OSError as error:
         raise refusal(path.parent, error) from error
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise RecordingError(f"{path.parent}: no permission to write there: change it or record elsewhere")
     return path
 
 

@@ -1,7 +1,8 @@
 """Public API of rigtwin: import from here, not from the rooms behind it.
 
 Names are loaded when they are first used, so that `import rigtwin` costs nothing. Besides these there are
-`rigtwin.backend` (what a device must offer) and `rigtwin.conformance` (its test suite).
+`rigtwin.backend` (what a device must offer), `rigtwin.conformance` (its test suite) and `rigtwin.messages`
+(what travels between the processes).
 """
 
 from importlib import import_module
@@ -10,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from daq.plan import Plan, load_plan
     from daq.recording import Recording, RecordingError
-    from daq.rig import Rig, RigError, load_rig, shipped_rigs
-    from rigtwin.simulate import simulate
+    from daq.rig import Rig, RigError, load_rig, rig_from_text, shipped_rigs
+    from rigtwin.simulate_command import simulate
 
 __all__ = [
     "Plan",
@@ -21,6 +22,7 @@ __all__ = [
     "RigError",
     "load_plan",
     "load_rig",
+    "rig_from_text",
     "shipped_rigs",
     "simulate",
 ]
@@ -33,8 +35,9 @@ _HOMES = {
     "RigError": "daq.rig",
     "load_plan": "daq.plan",
     "load_rig": "daq.rig",
+    "rig_from_text": "daq.rig",
     "shipped_rigs": "daq.rig",
-    "simulate": "rigtwin.simulate",
+    "simulate": "rigtwin.simulate_command",
 }
 
 

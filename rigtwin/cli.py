@@ -16,7 +16,7 @@ COMMANDS = (
     "rigtwin.plan_command",
     "rigtwin.rig_command",
     "rigtwin.view_command",
-    "rigtwin.simulate",
+    "rigtwin.simulate_command",
     "rigtwin.replay_command",
     "rigtwin.recording_commands",
     "rigtwin.doctor",

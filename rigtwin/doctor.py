@@ -205,5 +205,5 @@ def kernels() -> Finding:
 
     started = time.monotonic()
     rig = load_rig("thesis-ball")
-    Simulation(rig.model, rig.acquisition.rate).advance(signals_for(50))
+    Simulation(rig.emulated_model, rig.acquisition.rate).advance(signals_for(50))
     return Finding("model", "ok", f"ready after {time.monotonic() - started:.1f} s")

@@ -210,15 +210,23 @@ def end_condition(
     return over
 
 
+def report_recording(supervisor: "Supervisor", path: Path) -> None:
+    """Say what was recorded; a run that began and was not recorded has failed."""
+    from replay.info import brief, parts
+
+    if path.exists():
+        for part in parts(path):
+            supervisor.screen.line(brief(part))
+        supervisor.screen.line(f"see it again: rigtwin replay {path}")
+    elif supervisor.monitor.picture.time > 0.0:
+        supervisor.failed = supervisor.failed or f"nothing was recorded in {path}"
+
+
 def report(supervisor: "Supervisor", path: Path | None) -> int:
     """Say what came of the run; return the exit code."""
     screen = supervisor.screen
-    if path is not None and path.exists():
-        from replay.info import brief, parts
-
-        for part in parts(path):
-            screen.line(brief(part))
-        screen.line(f"see it again: rigtwin replay {path}")
+    if path is not None:
+        report_recording(supervisor, path)
     if supervisor.failed:
         screen.line(f"the run did not go as planned: {supervisor.failed}")
     return 1 if supervisor.failed else 0

@@ -114,7 +114,7 @@ class Housing(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """Motor and speed controller (physics: section 6 of the specification; values assumed there)."""
+    """Motor and speed controller, of which the thesis gives no values."""
 
     mode: DriveMode
     inertia: Annotated[float, Quantity("kg m2", 1e-9, 1e4, "of the motor [J_m]")]

@@ -83,6 +83,14 @@ def test_series_are_arrays_by_name_and_time(tmp_path):
     assert estimate.time[1] - estimate.time[0] == pytest.approx(5 / RATE)
     with pytest.raises(RecordingError, match="no channel 'tilt_z' in estimate: it has tilt_x, tilt_y"):
         recording.series("estimate", ["tilt_z"])
+    piece = recording.series("block", ["force_top"], first=260, last=801)
+    assert piece.first_sample == 260
+    np.testing.assert_array_equal(piece["force_top"], samples(260, 3, 542)[2])
+    piece = recording.series("truth", first=251, last=300)
+    assert piece.first_sample == 255
+    np.testing.assert_array_equal(piece.samples, samples(255, 2, 10, 5))
+    with pytest.raises(RecordingError, match="no series is named 'blocks': there are block, estimate, truth"):
+        recording.series("blocks")
     with pytest.raises(RecordingError, match="no samples of block from index 99999 on"):
         recording.series(first=99_999)
 
@@ -146,6 +154,8 @@ def test_gaps_are_named_by_their_samples(tmp_path):
     assert signals.gaps == ((750, 1249),)
     assert np.isnan(signals.samples[:, 500:1000]).all()
     assert not np.isnan(signals.samples[:, 1000:]).any()
+    assert recording.series(first=600, last=1260).gaps == ((750, 1249),)
+    assert recording.series(first=1250).gaps == ()
 
 
 def test_duplicates_are_left_out_and_late_blocks_taken(tmp_path):

@@ -22,9 +22,15 @@ def recovery_from(cache, reachable=lambda: True):
 
 
 def publish(cache):
-    number = cache.keep(payload_of(cache.sent + 1))
-    cache.sent = number
-    return number
+    """Publish the next number's payload; return its stamp."""
+    stamp = cache.keep(payload_of(cache.sent + 1))
+    cache.sent = stamp[1]
+    return stamp
+
+
+def newest(cache):
+    """Return the stamp that tells the newest number."""
+    return cache.publisher, cache.sent, 0
 
 
 def received_by(inbox):
@@ -34,7 +40,7 @@ def received_by(inbox):
     return numbers
 
 
-@given(st.lists(st.sampled_from(["arrives", "lost", "twice", "newest", "consume"]), max_size=60))
+@given(st.lists(st.sampled_from(["arrives", "lost", "twice", "damaged", "newest", "consume"]), max_size=60))
 def test_whatever_is_lost_everything_is_received_once_and_in_order(fates):
     cache, inbox = Cache(100), Inbox(4, "wait")
     subscription = recovery_from(cache)
@@ -42,16 +48,17 @@ def test_whatever_is_lost_everything_is_received_once_and_in_order(fates):
     for fate in fates:
         if fate == "consume":
             received += received_by(inbox)
-            continue
-        number = cache.sent if fate == "newest" else publish(cache)
-        if number < 0 or fate == "lost":
-            continue
-        payload = None if fate == "newest" else payload_of(number)
-        for _ in range(2 if fate == "twice" else 1):
-            inbox.offer(KEY, payload, (cache.publisher, number), subscription)
+        elif fate == "newest" and cache.sent >= 0:
+            inbox.offer(KEY, None, newest(cache), subscription)
+        elif fate != "newest":
+            stamp = publish(cache)
+            payload = payload_of(stamp[1])
+            copies = {"lost": [], "twice": [payload] * 2, "damaged": [payload[:-1] + b"x"]}
+            for copy in copies.get(fate, [payload]):
+                inbox.offer(KEY, copy, stamp, subscription)
     received += received_by(inbox)
     if cache.sent >= 0:
-        inbox.offer(KEY, None, (cache.publisher, cache.sent), subscription)
+        inbox.offer(KEY, None, newest(cache), subscription)
     received += received_by(inbox)
     assert received == list(range(cache.sent + 1))
     assert subscription.missed == 0
@@ -60,23 +67,45 @@ def test_whatever_is_lost_everything_is_received_once_and_in_order(fates):
 def test_a_cache_gives_what_it_still_has_piece_by_piece():
     cache = Cache(50)
     for _ in range(120):
-        cache.sent = cache.keep(bytes(100_000))
+        cache.sent = cache.keep(bytes(100_000))[1]
     inbox, subscription = Inbox(1, "wait"), recovery_from(cache)
     assert len(cache.pack(range_of(0, 120))) < recovery.PIECE_BYTES + 101_000
-    inbox.offer(KEY, None, (cache.publisher, 119), subscription)
+    inbox.offer(KEY, None, newest(cache), subscription)
     count = 0
     while inbox.get(0.0) is not None:
         count += 1
     assert count == 50
 
 
+def test_a_damaged_or_shortened_piece_is_fetched_again():
+    cache, inbox = Cache(50), Inbox(10, "wait")
+    for _ in range(5):
+        publish(cache)
+    damages = [
+        lambda packed: packed[:-1],
+        lambda packed: packed[:3],
+        lambda packed: b"x" + packed[1:],
+        lambda packed: packed[:8] + bytes(8) + packed[16:],
+        lambda packed: packed,
+    ]
+
+    def fetch(key, publisher, first, end):
+        return damages.pop(0)(cache.pack(range_of(first, end)))
+
+    inbox.offer(KEY, None, newest(cache), Recovery(fetch))
+    received = []
+    while damages:
+        received += received_by(inbox)
+    assert received == [0, 1, 2, 3, 4]
+
+
 def test_what_no_cache_has_any_more_is_counted():
     cache, inbox = Cache(5), Inbox(10, "wait")
     subscription = recovery_from(cache)
-    inbox.offer(KEY, payload_of(0), (cache.publisher, publish(cache)), subscription)
+    inbox.offer(KEY, payload_of(0), publish(cache), subscription)
     for _ in range(20):
-        newest = publish(cache)
-    inbox.offer(KEY, None, (cache.publisher, newest), subscription)
+        publish(cache)
+    inbox.offer(KEY, None, newest(cache), subscription)
     assert received_by(inbox) == [0, 16, 17, 18, 19, 20]
     assert subscription.missed == 15
 
@@ -85,8 +114,8 @@ def test_history_from_before_the_subscription_is_not_counted_as_missed():
     cache, inbox = Cache(5), Inbox(10, "wait")
     subscription = recovery_from(cache)
     for _ in range(20):
-        newest = publish(cache)
-    inbox.offer(KEY, None, (cache.publisher, newest), subscription)
+        publish(cache)
+    inbox.offer(KEY, None, newest(cache), subscription)
     assert received_by(inbox) == [15, 16, 17, 18, 19]
     assert subscription.missed == 0
 
@@ -96,8 +125,8 @@ def test_a_publisher_that_does_not_answer_is_asked_again():
     answers = iter([False, False, True])
     subscription = recovery_from(cache, reachable=lambda: next(answers))
     for _ in range(3):
-        newest = publish(cache)
-    inbox.offer(KEY, None, (cache.publisher, newest), subscription)
+        publish(cache)
+    inbox.offer(KEY, None, newest(cache), subscription)
     assert inbox.get(0.0) is None
     assert inbox.get(0.0) is None
     assert received_by(inbox) == [0, 1, 2]
@@ -107,8 +136,9 @@ def test_a_publisher_that_is_gone_leaves_a_gap(monkeypatch):
     monkeypatch.setattr(recovery, "PATIENCE_S", 0.1)
     cache, inbox = Cache(50), Inbox(10, "wait")
     subscription = recovery_from(cache, reachable=lambda: False)
+    stamps = [publish(cache) for _ in range(9)]
     for number in (0, 7, 8):
-        inbox.offer(KEY, payload_of(number), (cache.publisher, number), subscription)
+        inbox.offer(KEY, payload_of(number), stamps[number], subscription)
     assert [int(inbox.get(20.0)[1]) for _ in range(3)] == [0, 7, 8]
     assert subscription.missed == 6
 

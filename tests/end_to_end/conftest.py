@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.end_to_end.rig_process import rigtwin
+from tests.end_to_end.rig_process import PATIENT, rigtwin
 
 
 @pytest.fixture(scope="session")
@@ -20,7 +20,7 @@ def live_run(tmp_path_factory):
         result = rigtwin(
             "live", "--plan", "impacts", "--view", "none", "--record", path,
             "--seed", np.random.default_rng().integers(1, 2**31),
-            "--set", f"emulator.actual.rotor.unbalance_angle={angle:.3f}",
+            "--set", f"emulator.actual.rotor.unbalance_angle={angle:.3f}", *PATIENT,
             cwd=folder, timeout=240,
         )  # fmt: skip
     assert result.returncode == 0, result.stdout + result.stderr

@@ -37,10 +37,13 @@ class Listener:
         self.link.subscribe(keys.everything(RIG), self._inbox, recover=True)
         self.link.announce(keys.alive(RIG, name))
 
+    def take(self) -> tuple[str, bytes] | None:
+        return self._inbox.get(PATIENCE)
+
     def listen(self) -> list[tuple[str, bytes]]:
         """Take everything up to the end event; return it without the statuses."""
         while True:
-            item = self._inbox.get(PATIENCE)
+            item = self.take()
             assert item is not None, "the replay fell silent"
             if item[0].endswith("/status"):
                 continue
@@ -137,11 +140,12 @@ def test_the_description_says_replay_and_the_rig_is_claimed(tmp_path, rig, start
     assert player.wait(PATIENCE) == 0
 
 
-def test_a_live_rig_is_not_replayed_into(tmp_path, rig, capsys):
+def test_a_live_rig_is_not_replayed_into(tmp_path, start):
     record(tmp_path / "run.mcap", blocks=1)
     with claim(RIG, {"mode": "LIVE"}):
-        assert main(["play", str(tmp_path / "run.mcap"), "--rig", str(rig[1])]) == 2
-    said = capsys.readouterr().err
+        player = start(tmp_path / "run.mcap")
+        assert player.wait(PATIENCE) == 2
+    said = player.log.read_text()
     assert said.count("\n") == 1
     assert "already running" in said
 
@@ -181,9 +185,10 @@ def test_continuations_follow(tmp_path, rig, start):
 def test_the_end_of_the_input_stops_it_and_subscribers_are_told(tmp_path, rig, start):
     record(tmp_path / "run.mcap", blocks=1000)
     player = start(tmp_path / "run.mcap", "--rate", "0.2", "--wait-for", "twin")
-    listener = Listener(rig[0])
-    player.send_signal(signal.SIGINT)
     wait_until(lambda: (tmp_path / "runtime" / f"{RIG}.json").exists(), "the claim")
+    player.send_signal(signal.SIGINT)  # Ctrl-C is the supervisor's business
+    listener = Listener(rig[0])
+    assert listener.take() is not None
     player.stdin.close()
     assert Event.FromString(listener.listen()[-1][1]).text == "the replay was stopped"
     assert player.wait(PATIENCE) == 0
@@ -204,6 +209,7 @@ def test_a_rate_that_is_none_is_refused(tmp_path, words, capsys):
     assert "must be a number above 0, or max" in capsys.readouterr().err
 
 
-def test_a_file_that_is_not_there_is_refused(tmp_path, rig, capsys):
-    assert main(["play", str(tmp_path / "none.mcap"), "--rig", str(rig[1])]) == 2
-    assert capsys.readouterr().err == f"replay: {tmp_path}/none.mcap: no such file\n"
+def test_a_file_that_is_not_there_is_refused(tmp_path, start):
+    player = start(tmp_path / "none.mcap")
+    assert player.wait(PATIENCE) == 2
+    assert player.log.read_text() == f"replay: {tmp_path}/none.mcap: no such file\n"

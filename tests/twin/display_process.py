@@ -89,7 +89,7 @@ class Source:
     """Stands where the daq stands on the link, and publishes what it is given."""
 
     def __init__(self, rig: Rig, run: str = "run", mode: str = "EMULATED") -> None:
-        self.link = Link(listen=[rig.link.endpoint("daq")])
+        self.link = Link(listen=[rig.link.endpoint("daq")], wait_for_room=True)
         self._rig = rig
         self._publishers: dict[str, Publisher] = {}
         answer = description(rig, run, mode).SerializeToString()
@@ -112,12 +112,12 @@ class Source:
         )
 
     def publish(self, messages: Iterable[tuple[str, bytes]], speed: float = 4.0) -> None:
-        """Publish at `speed` times real time, so that a lossy subscriber on a busy machine keeps up."""
+        """Publish at `speed` times real time; wait for the display where the machine is too busy for that."""
         start, blocks = time.monotonic(), 0
         period = self._rig.acquisition.block / self._rig.acquisition.rate / speed
         for key, payload in messages:
             if key not in self._publishers:
-                self._publishers[key] = self.link.publish(key)
+                self._publishers[key] = self.link.publish(key, wait=True)
             self._publishers[key].put(payload)
             blocks += key.endswith("/block")
             time.sleep(max(0.0, start + blocks * period - time.monotonic()))
@@ -126,7 +126,7 @@ class Source:
 @contextmanager
 def headless_viewer(source: str) -> Iterator[tuple[ViewerClient, "subprocess.Popen[bytes]"]]:
     """A native viewer without a window on a file or an address, listening on loopback."""
-    require(any(VULKAN.glob("lvp_icd*.json")), "Debian's mesa-vulkan-drivers")
+    require(bool(list(VULKAN.glob("lvp_icd*.json"))), "Debian's mesa-vulkan-drivers")
     (port,) = free_ports(1)
     process = subprocess.Popen(
         [program(), "--headless", "--bind", HOST, "--port", str(port), "--window-size", "1600x1000", source],
@@ -166,6 +166,11 @@ def newest_time(client: ViewerClient, recording: int = -1) -> float:
     return lines[0].end / 1e9 if lines and lines[0].end is not None else -1.0
 
 
+def view_names(client: ViewerClient) -> set[str]:
+    """Names of the views that the viewer shows now."""
+    return {view.name for view in client.get_state().views}
+
+
 def complaints(client: ViewerClient) -> list[str]:
     """What views and log of a viewer complain about, the missing graphics card apart."""
     views = [f"{view.name}: {report.summary}" for view in client.get_state().views for report in view.reports]
@@ -183,8 +188,8 @@ def listening(pids: Iterable[int]) -> set[str]:
     """Addresses (hexadecimal, as /proc/net/tcp has them) on which processes accept connections."""
     inodes = set()
     for pid in pids:
-        for entry in Path(f"/proc/{pid}/fd").iterdir():
-            target = str(entry.readlink())
+        for entry in list(Path(f"/proc/{pid}/fd").iterdir()):
+            target = str(entry.readlink()) if entry.is_symlink() else ""
             if target.startswith("socket:["):
                 inodes.add(target[8:-1])
     found = set()

@@ -254,14 +254,15 @@ def test_messages_that_are_not_readable_are_left_out(tmp_path, rig, start):
     assert Recording(tmp_path / "run.mcap").check().verdict == "valid"
 
 
-def test_the_status_says_so_when_the_recorder_falls_behind(tmp_path, rig):
+def test_the_status_says_so_when_the_recorder_falls_behind(tmp_path, rig, monkeypatch):
+    monkeypatch.setattr("twin.recorder.CAPACITY", 500)
     heard = Inbox(100, "drop_oldest")
     with Broadcast(rig[0]) as daq:
         daq.link.subscribe(keys.status(RIG, "recorder"), heard)
         with Link(connect=[rig[0].link.endpoint("daq")]) as link:
             recorder = Recorder(rig[0], link, tmp_path / "run.mcap")
             daq.wait_for("recorder")
-            for number in range(1200):
+            for number in range(400):
                 daq.put(Maker().all(number))
             wait_until(lambda: recorder._inbox.fill > 0.55, "the inbox to fill")
             recorder._step()

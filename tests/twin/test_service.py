@@ -161,8 +161,10 @@ class Observing:
                 seen.append(item)
                 if item[0] == key and wanted(item[1]):
                     return seen
-        log = Path(self.log.name).read_text()
-        raise AssertionError(f"no such message on {key} within {seconds} s; the twin said: {log}")
+        raise AssertionError(f"no such message on {key} within {seconds} s; the twin said: {self.said()}")
+
+    def said(self) -> str:
+        return Path(self.log.name).read_text()
 
     def close(self) -> None:
         self.link.close()
@@ -195,7 +197,8 @@ def await_twin(daq: FakeRun, twin: Observing) -> None:
     token = keys.alive(daq.rig.name, "twin")
     for link in (daq.link, twin.link):
         while token not in link.alive(token):
-            assert time.monotonic() < deadline, "the twin did not come"
+            assert twin.process.poll() is None, f"the twin ended: {twin.said()}"
+            assert time.monotonic() < deadline, f"the twin did not come: {twin.said()}"
             time.sleep(0.02)
 
 

@@ -1,0 +1,119 @@
+"""The tables of a rig description."""
+
+from daq import settings
+from daq.channels import QUANTITIES, Channel
+from daq.rig import Head, load_rig, shipped_rigs
+from docs.generate.fields import section
+from docs.generate.markdown import table
+from simulator import rig as model
+
+REASON = {"reason": "why the levels are what they are; for whoever wants to change them"}
+PLACES = {
+    "centre_of_mass_station": "centre of mass, without the unbalance",
+    "bearing_station": "where shaft and backup bearing meet:",
+}
+HOUSE = {
+    "inner_mass": "house that holds the bearing; moves vertically against the outer one",
+    "outer_mass": "the house around it, which moves horizontally together with it;",
+    "horizontal_damping": "of each of the two horizontal transducers",
+    "vertical_damping": "of each of the two vertical transducers",
+}
+BEARING = {
+    "kind": "a ring that can turn, a fixed wall, or four pins on the diagonals",
+    "damping_mode": "whether `damping_factor` is used as it is, or found anew at each impact",
+}
+CHANNEL = {
+    "name": "unique;",
+    "quantity": "see [quantities](#quantities)",
+    "unit": "the quantity's SI unit, in which samples travel and are recorded",
+    "display_unit": "shown to people",
+    "terminal": "of the device, in the backend's words; only an angle and its count may share one",
+    "station": "with `angle_deg`, or neither:",
+    "cutoff_hz": "for information:",
+    "anti_alias": "whether an analogue anti-alias filter stands before the converter; without one a warning",
+    "certificate": "of the calibration",
+    "calibrated": "day of the calibration",
+    "due": "day on which the next calibration is due; a warning when it has passed",
+}
+
+TABLES: tuple[tuple[type, str, dict[str, str]], ...] = (
+    (
+        Head,
+        "`[rig]`",
+        {
+            "name": "part of every key and file name;",
+            "description": "one line for people",
+            "plan": "what `rigtwin live` performs on an emulated rig unless told otherwise: name or path",
+        },
+    ),
+    (model.Rotor, "`[rotor]`", PLACES),
+    (model.MagneticBearing, "`[magnetic_bearing]`", {"stiffness": "radial", "damping": "radial"}),
+    (model.BackupBearing, "`[backup_bearing]`", BEARING),
+    (model.Housing, "`[housing]`", HOUSE),
+    (
+        model.Drive,
+        "`[drive]`",
+        {
+            "mode": "the speed follows its set-point exactly, or a motor and a PI controller make it",
+            "proportional_gain": "torque per speed error",
+            "integral_gain": "torque per integral of the speed error",
+            "max_torque": "the motor gives no more, either way",
+        },
+    ),
+    (model.Solenoid, "`[[solenoid]]`", {"name": "unique;"}),
+    (
+        settings.AcquisitionSettings,
+        "`[acquisition]`",
+        {"backend": "`emulator`, or the name of an installed [backend](../how-to/write-a-backend.md)"},
+    ),
+    (
+        settings.EncoderSettings,
+        "`[encoder]`",
+        {"direction": "1: counts up when the shaft turns counter-clockwise seen from the free end; -1: down"},
+    ),
+    (Channel, "`[[channel]]`", CHANNEL),
+    (settings.DisplacementLimit, "`[limits.displacement]`", REASON),
+    (settings.ForceLimit, "`[limits.force]`", REASON),
+    (settings.SpeedLimit, "`[limits.speed]`", REASON),
+    (settings.CommandSettings, "`[command]`", {}),
+    (settings.SafeStateSettings, "`[safe_state]`", {}),
+    (
+        settings.TwinSettings,
+        "`[twin]`",
+        {"model": "`none` for a rig that has no model: everything else works"},
+    ),
+    (
+        settings.LinkSettings,
+        "`[link]`",
+        {
+            "host": "address to listen on; a loopback address",
+            "daq": "blocks, summaries and events:",
+            "control": "commands and lease:",
+            "twin": "estimates:",
+            "operator": "people's commands:",
+        },
+    ),
+    (settings.EmulatorSettings, "`[emulator]`", {}),
+)
+
+
+def tables() -> str:
+    """Return a section for each table."""
+    return "\n\n".join(section(*row) for row in TABLES)
+
+
+def quantities() -> str:
+    """Return the quantities with their units."""
+    rows = []
+    for name, units in QUANTITIES.items():
+        si, *others = units
+        rows.append([f"`{name}`", f"`{si}`", ", ".join(f"`{unit}`" for unit in others) or "–"])
+    return table(("quantity", "unit (SI)", "display units besides it"), rows)
+
+
+def shipped() -> str:
+    """Return the rigs that come with the product."""
+    rigs = [load_rig(name) for name in shipped_rigs()]
+    return table(
+        ("name", "is", "plan"), [[f"`{rig.name}`", rig.description, f"`{rig.plan}`"] for rig in rigs]
+    )
