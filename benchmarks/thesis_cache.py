@@ -38,11 +38,14 @@ class Job(NamedTuple):
         return found
 
 
+NOT_RUN = ("rig.py", "validation.py", "sensors.py", "instruments.py")  # of the simulator: no run needs them
+
+
 @cache
 def sources() -> str:
     """Return a digest of the simulator, the analysis and the experiments."""
     folders = [Path(str(package.__file__)).parent for package in (simulator, analysis)]
-    files = [path for folder in folders for path in sorted(folder.glob("*.py"))]
+    files = [path for folder in folders for path in sorted(folder.glob("*.py")) if path.name not in NOT_RUN]
     files.append(Path(thesis_runs.__file__))
     return hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()
 

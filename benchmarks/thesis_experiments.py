@@ -156,6 +156,7 @@ def drop_jobs() -> dict[str, Job]:
         found[f"published {value:.6f}"] = Job(drop, (published_drop(), value))
         found[f"lifted {value:.6f}"] = Job(drop, (lifted_drop(shipped), value))
     for value in DROPPED:
+        found[f"later {value:.6f}"] = Job(drop, (lifted_drop(shipped), value, 10.0, 40.0))
         found[f"tenfold {value:.6f}"] = Job(drop, (lifted_drop(0.0), 10.0 * value))
         for contact in DROP_CONTACTS:
             for force in LIFTS:

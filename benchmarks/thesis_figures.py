@@ -110,7 +110,7 @@ def waterfalls(runs: Mapping[str, Stairs]) -> Any:
         axis.grid(visible=False)
     bar = figure.colorbar(picture, ax=axes[0].tolist(), label="radius of the circle [µm]")
     bar.set_ticks([-1, 0, 1, 2, 3], labels=["0.1", "1", "10", "100", "1000"])
-    axes[0, 0].set_ylabel("shaft speed [Hz], up and then down")
+    axes[0, 0].set_ylabel("shaft speed [Hz]: from below, up and then down")
     return figure
 
 

@@ -49,6 +49,11 @@ def largest_force(dwells: Sequence[Dwell]) -> float:
     return max(dwell.force for dwell in dwells)
 
 
+def largest_force_ever(dwells: Sequence[Dwell]) -> float:
+    """Return the largest resultant of a run, with the two seconds after each change of speed, N."""
+    return max(float(dwell.start[2].max(initial=dwell.force)) for dwell in dwells)
+
+
 def never_backward(run: Stairs) -> bool:
     """Tell whether no orbit rolls backward: permanent contact with turns against the shaft's."""
     return not any(dwell.share > 0.95 and dwell.turns < -0.5 for dwell in (*run.up, *run.down))
