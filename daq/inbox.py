@@ -135,8 +135,8 @@ class Inbox:
                 return None
             self._room.put(None)
             key, payload, dropped, stamp, recovery = message
-            if dropped:
-                self._dropped += dropped
+            if dropped or not self._left_out.empty():
+                self._collect_drops(dropped)
             if stamp is None or recovery is None:
                 return key, payload or b""
             if payload is not None and recovery.is_due(payload, stamp):
@@ -148,6 +148,13 @@ class Inbox:
         self._closed = True
         self._room.put(None)
         self._messages.put(None)
+
+    def _collect_drops(self, dropped: int) -> None:
+        """Count what was dropped to make room and what was left out."""
+        for _ in range(self._left_out.qsize()):
+            self._left_out.get()
+            dropped += 1
+        self._dropped += dropped
 
     def _wait_for_room(self, abandoned: Callable[[], bool]) -> bool:
         """Wait until a message may be put; tell whether it may."""

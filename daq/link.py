@@ -10,21 +10,18 @@ the thread that protects the rig.
 
 import ctypes
 import json
-import random
-import re
-import socket
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from pathlib import Path
-from queue import Empty, SimpleQueue
-from threading import Thread, local
+from threading import local
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
 import zenoh
 
+from daq.heartbeat import Heartbeat
 from daq.inbox import Inbox
+from daq.link_settings import LinkError, free_ports, reason, settings
 from daq.recovery import STAMP, Cache, Recovery, Stamp, is_whole, range_of, stamp_of
 
 __all__ = [
@@ -41,12 +38,6 @@ __all__ = [
     "free_ports",
 ]
 
-ENDPOINT = re.compile(r"[a-z][a-z0-9_-]*/[^/\s]+:\d{1,5}([?#].*)?")
-RETRY = {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 2.0}
-QUEUES = {"data": 16, "data_low": 16}
-"""Batches a link holds back for a slow subscriber; with zenoh's 2, healthy subscribers lose blocks."""
-PATIENCE_US = 24 * 3600 * 1_000_000
-"""How long a waiting publisher stands a subscriber that takes nothing."""
 HEARTBEAT_S = 0.25
 """Period at which a link tells the newest numbers of its caching publishers."""
 FETCH_TIMEOUT_S = 0.5
@@ -57,15 +48,10 @@ RECOVER = "@recover"
 """Part of the keys between a recovering subscription and a caching publisher; no wildcard matches it."""
 REFUSAL = "rigtwin/refusal"
 """Encoding of an error reply that is a refusal, not zenoh's own error."""
-EPHEMERAL_RANGE = Path("/proc/sys/net/ipv4/ip_local_port_range")
 
 _UNPACK: Callable[[bytes], Stamp] = STAMP.unpack
 _Receive = Callable[[zenoh.Sample], None]
 _thread = local()
-
-
-class LinkError(RuntimeError):
-    """The link cannot do what was asked; the message is one line that says what to do."""
 
 
 class NoAnswer(LinkError):
@@ -212,17 +198,17 @@ class Link:
         lease_ms: int = 10_000,
         wait_for_room: bool = False,
     ) -> None:
-        for endpoint in (*listen, *connect):
-            if not ENDPOINT.fullmatch(endpoint):
-                raise LinkError(f"endpoint {endpoint!r}: expected protocol/host:port, as tcp/127.0.0.1:7447")
+        configuration = zenoh.Config()
+        for name, value in settings(listen, connect, lease_ms, wait_for_room).items():
+            configuration.insert_json5(name, json.dumps(value))
         self._settled = time.monotonic() + (SETTLING_S if connect else 0.0)
         self._wait_for_room = wait_for_room
         self._declarations: list[Declaration] = []
-        self._heart = _Heart()
+        self._heart = Heartbeat(HEARTBEAT_S)
         try:
-            self._session = zenoh.open(_configuration(listen, connect, lease_ms, wait_for_room))
+            self._session = zenoh.open(configuration)
         except zenoh.ZError as error:
-            raise LinkError(_reason(error, listen, connect)) from None
+            raise LinkError(reason(error, listen, connect)) from None
 
     def __enter__(self) -> Self:
         return self
@@ -262,7 +248,7 @@ class Link:
             self._session.declare_publisher(recover_key, congestion_control=zenoh.CongestionControl.DROP),
             self._session.declare_queryable(recover_key, zenoh.handlers.Callback(supply, indirect=False)),
         )
-        self._heart.add(caching)
+        self._heart.add(caching.beat)
         return self._keep(caching)
 
     def subscribe(
@@ -401,88 +387,6 @@ class Link:
         if str(answer.encoding) == REFUSAL:
             raise Refused(answer.payload.to_string())
         raise NoAnswerInTime(f"no answer on {key} within {timeout:g} s")
-
-
-class _Heart:
-    """Thread that lets caching publishers tell their newest numbers."""
-
-    def __init__(self) -> None:
-        self._publishers: list[CachingPublisher] = []
-        self._stopping: SimpleQueue[None] = SimpleQueue()
-        self._thread: Thread | None = None
-
-    def add(self, publisher: CachingPublisher) -> None:
-        self._publishers.append(publisher)
-        if self._thread is None:
-            self._thread = Thread(target=self._run, name="link heartbeat", daemon=True)
-            self._thread.start()
-
-    def stop(self) -> None:
-        if self._thread is not None:
-            self._stopping.put(None)
-            self._thread.join()
-            self._thread = None
-
-    def _run(self) -> None:
-        while True:
-            with suppress(Empty):
-                self._stopping.get(timeout=HEARTBEAT_S)
-                return
-            for publisher in tuple(self._publishers):
-                publisher.beat()
-
-
-def free_ports(count: int) -> list[int]:
-    """Return TCP ports that are free on loopback now and that the system gives to no outgoing connection."""
-    lowest_ephemeral = 32768
-    if EPHEMERAL_RANGE.exists():
-        lowest_ephemeral = int(EPHEMERAL_RANGE.read_text().split()[0])
-    first = max(1024, lowest_ephemeral - 12_000)
-    candidates = random.sample(range(first, lowest_ephemeral), lowest_ephemeral - first)
-    ports: list[int] = []
-    for port in candidates:
-        if len(ports) == count:
-            return ports
-        with socket.socket() as probe, suppress(OSError):
-            probe.bind(("127.0.0.1", port))
-            ports.append(port)
-    raise LinkError(f"fewer than {count} ports between {first} and {lowest_ephemeral} are free on 127.0.0.1")
-
-
-def _configuration(
-    listen: Sequence[str], connect: Sequence[str], lease_ms: int, wait_for_room: bool
-) -> zenoh.Config:
-    settings: dict[str, Any] = {
-        "mode": "peer",
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "listen/endpoints": list(listen),
-        "connect/endpoints": list(connect),
-        "connect/retry": RETRY,
-        "open/return_conditions/declares": False,
-        "transport/shared_memory/enabled": False,
-        "transport/link/tx/lease": lease_ms,
-    }
-    for queue, size in QUEUES.items():
-        settings[f"transport/link/tx/queue/size/{queue}"] = size
-    if wait_for_room:
-        settings["transport/link/tx/queue/congestion_control/block/wait_before_close"] = PATIENCE_US
-    configuration = zenoh.Config()
-    for name, value in settings.items():
-        configuration.insert_json5(name, json.dumps(value))
-    return configuration
-
-
-def _reason(error: zenoh.ZError, listen: Sequence[str], connect: Sequence[str]) -> str:
-    """Return one line that says why a session could not be opened, and what to do."""
-    text = str(error)
-    endpoint = next((each for each in listen if each in text), "")
-    if "Address already in use" in text:
-        return f"{endpoint} is in use by another process: stop that one or take another port"
-    if "Cannot assign requested address" in text:
-        return f"{endpoint} is no address of this machine: listen on one of its own, as 127.0.0.1"
-    without_places = re.sub(r" at /\S+", "", text).splitlines()[0]
-    return f"cannot open the link on {', '.join([*listen, *connect])}: {without_places}"
 
 
 def _hand_over(take: Callable[[str, bytes], None]) -> _Receive:

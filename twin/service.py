@@ -139,6 +139,8 @@ class Service:
                 self._take_event(Event.FromString(payload))
             else:
                 self._take_block(payload)
+        except RigError:
+            raise
         except ValueError as error:
             self._unreadable += 1
             if self._unreadable == 1:

@@ -61,7 +61,7 @@ def receive(port: int, recover: str, delay_ms: str, stop_at: str, lease_ms: str 
 
 def answer(port: int) -> None:
     """Serve a command until killed."""
-    with Link(listen=[f"tcp/127.0.0.1:{port}"], lease_ms=200) as link:
+    with Link(listen=[f"tcp/127.0.0.1:{port}"]) as link:
         link.serve("rig/test/daq/command/echo", lambda request: request.reply(request.payload))
         link.announce("rig/test/daq/alive")
         say("ready")

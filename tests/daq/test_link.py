@@ -22,6 +22,7 @@ from daq.link import (
     Request,
     free_ports,
 )
+from daq.recovery import STAMP, stamp_of
 from tests.daq.link_process import END, KEY, NUMBER, payload_of
 
 ROOT = Path(__file__).parents[2]
@@ -249,6 +250,43 @@ class TestPublishing:
         publisher = server.publish(KEY)
         wait_until(lambda: publisher.put(payload_of(0)) or inbox.dropped >= 5)
         assert numbers_in(inbox, 3) == [0, 0, 0]
+
+
+class TestDamage:
+    """zenoh may deliver a message whose end belongs to others; here one is made on purpose."""
+
+    def damage(self, publisher, payload, stamp):
+        publisher._entities[0].put(payload[:-1] + b"x", attachment=STAMP.pack(*stamp))
+
+    def test_a_damaged_message_is_fetched_whole(self, links):
+        server, client = links
+        inbox = Inbox(10, "wait")
+        client.subscribe(KEY, inbox, recover=True)
+        publisher = server.publish(KEY, cache=10)
+        publisher.put(payload_of(0))
+        stamp = publisher._cache.keep(payload_of(1))
+        self.damage(publisher, payload_of(1), stamp)
+        publisher._cache.sent = 1
+        publisher.put(payload_of(2))
+        assert [inbox.get(PATIENCE) for _ in range(3)] == [(KEY, payload_of(number)) for number in range(3)]
+
+    def test_a_damaged_message_that_nobody_keeps_is_dropped(self, links):
+        server, client = links
+        inbox, taken = Inbox(10, "drop_oldest"), SimpleQueue()
+        client.subscribe(KEY, inbox)
+        client.subscribe(KEY, lambda key, payload: taken.put(payload))
+        publisher = server.publish(KEY)
+        wait_until(lambda: self.damage(publisher, b"whole", stamp_of(b"whole")) or inbox.dropped)
+        publisher.put(b"whole")
+        assert inbox.get(PATIENCE) == (KEY, b"whole")
+        assert taken.get(timeout=PATIENCE) == b"whole"
+
+    def test_messages_of_other_programs_are_taken_as_they_are(self, links):
+        server, client = links
+        inbox = Inbox(10, "wait")
+        client.subscribe(KEY, inbox, recover=True)
+        wait_until(lambda: server._session.put(KEY, b"theirs", attachment=b"?") or inbox.fill)
+        assert inbox.get(PATIENCE) == (KEY, b"theirs")
 
 
 class TestRecovery:
