@@ -14,11 +14,6 @@ from benchmarks.thesis_runs import KEPT_RATE, Drop
 SPEED = 10.0  # Hz
 
 
-def settled(drop: Drop) -> np.ndarray:
-    """Return the orbit's second half (2, n), m."""
-    return drop.trace[:, drop.trace.shape[1] // 2 :]
-
-
 def bifurcation(series: Mapping[str, Sequence[Drop]]) -> Any:
     """What P1's figure 5 shows: y and both velocities where the orbit crosses x = 0, over unbalance."""
     figure, axes = panels(3, len(series), 11.0, 7.0, sharex=True, sharey="row")
@@ -42,8 +37,8 @@ def orbits(drops: Sequence[Drop], clearance: float) -> Any:
     figure, axes = panels(2, 4, 10.5, 5.4, sharex=True, sharey=True)
     for axis, drop in zip(axes.ravel(), drops, strict=True):
         ring(axis, clearance)
-        axis.plot(*(MICRO * drop.trace[:, : int(KEPT_RATE)]), color="#e3a48f", lw=0.5, label="first second")
-        axis.plot(*(MICRO * settled(drop)), color=UP, lw=0.5, label="settled")
+        axis.plot(*(MICRO * drop.start[:, : int(KEPT_RATE)]), color="#e3a48f", lw=0.5, label="first second")
+        axis.plot(*(MICRO * drop.end), color=UP, lw=0.5, label="last 4 s of 40")
         axis.set_title(f"U = {1e6 * drop.unbalance:.0f} g mm")
         square(axis, 1700.0, labels=False)
     for axis in axes[:, 0]:
@@ -58,7 +53,7 @@ def spectra(drops: Sequence[Drop]) -> Any:
     """Double-sided spectra: P1 figure 11, C1 figure 5 (their forward whirl is negative)."""
     figure, axes = panels(2, 4, 11.0, 4.6, sharex=True, sharey=True)
     for axis, drop in zip(axes.ravel(), drops, strict=True):
-        spectrum = full_spectrum(settled(drop), KEPT_RATE)
+        spectrum = full_spectrum(drop.end, KEPT_RATE)
         axis.semilogy(spectrum.frequency, MICRO * spectrum.amplitude, color=UP, lw=0.7)
         for speed in (-SPEED, SPEED):
             axis.axvline(speed, color=DOWN, lw=0.6, ls=":")
@@ -92,10 +87,8 @@ def poincare(drops: Sequence[Drop], clearance: float) -> Any:
     """Stroboscopic sections after the drop: the shaft's centre once a turn."""
     figure, axes = panels(1, len(drops), 11.0, 3.1, sharex=True, sharey=True)
     for axis, drop in zip(axes[0], drops, strict=True):
-        orbit = settled(drop)
-        first = drop.trace.shape[1] - orbit.shape[1]
-        angle = tau * SPEED * (first + np.arange(orbit.shape[1])) / KEPT_RATE
-        points = once_a_turn(angle, orbit, np.pi)
+        angle = tau * SPEED * np.arange(drop.end.shape[1]) / KEPT_RATE  # it ends after whole turns
+        points = once_a_turn(angle, drop.end, np.pi)
         ring(axis, clearance)
         axis.plot(*(MICRO * points), ".", color=UP, ms=3)
         axis.set_title(f"U = {1e6 * drop.unbalance:.0f} g mm")

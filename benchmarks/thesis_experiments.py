@@ -27,7 +27,7 @@ BIFURCATION = tuple(round(10e-6 * number, 9) for number in range(43))
 LIGHT = (15e-6, 25e-6, 35e-6, 45e-6, 60e-6)  # kg m
 HIGHER = (-14.0, -16.0, -18.0, -20.0)  # N
 FORCES = (20.0, 40.0, 60.0, 80.0)  # N
-LIFTS = (0.0, -12.0, -20.0, -26.0, -28.0, -30.0, -32.0, -33.0, -33.5, -34.0, -34.5, -35.0, -36.0)  # N
+LIFTS = (0.0, -12.0, -20.0, -26.0, -28.0, -30.0, -31.0, -32.0, -33.0, -34.0, -35.0, -36.0)  # N
 P1_CONTACT = {
     "stiffness": 2.5e10,
     "damping_mode": 1,
@@ -156,7 +156,6 @@ def drop_jobs() -> dict[str, Job]:
         found[f"published {value:.6f}"] = Job(drop, (published_drop(), value))
         found[f"lifted {value:.6f}"] = Job(drop, (lifted_drop(shipped), value))
     for value in DROPPED:
-        found[f"later {value:.6f}"] = Job(drop, (lifted_drop(shipped), value, 10.0, 40.0))
         found[f"tenfold {value:.6f}"] = Job(drop, (lifted_drop(0.0), 10.0 * value))
         for contact in DROP_CONTACTS:
             for force in LIFTS:

@@ -23,6 +23,8 @@ KEPT_RATE = 1000.0  # Hz of the traces that are kept for figures
 KEPT = RATE // int(KEPT_RATE)
 START_TIME = 2.0  # s of trace kept at the beginning of each dwell
 END_TIME = 4.0  # s of trace kept at its end
+DROP_START = 12.0  # s of trace kept at the beginning of a drop
+MOST_CROSSINGS = 400
 NO_TRACE = np.empty((4, 0), np.float32)
 
 
@@ -71,6 +73,7 @@ def resultant(model: Model, truth: np.ndarray) -> np.ndarray:
 
 def trace(model: Model, truth: np.ndarray) -> np.ndarray:
     """Return (4, n) at KEPT_RATE: orbit (m), largest resultant of each ms (N), angle in its turn (rad)."""
+    truth = truth[:, : truth.shape[1] // KEPT * KEPT]
     orbit = offsets(model, truth)[:, ::KEPT]
     force = extremes(resultant(model, truth)[None], KEPT)
     return np.concatenate([orbit, force, truth[9:10, ::KEPT] % tau]).astype(np.float32)
@@ -99,7 +102,7 @@ def described(model: Model, hz: float, truth: np.ndarray, keep: bool) -> Dwell:
         force=float(resultant(model, settled).max()),
         width=float(np.ptp(orbit[0])),
         height=float(np.ptp(orbit[1])),
-        hits=find_impacts(settled[13], RATE).peak.size / revolutions,
+        hits=float(find_impacts(settled[13], RATE).peak.size / revolutions),
         share=float(np.mean(settled[13] > 0.0)),
         turns=float(turned[-1] - turned[0]) / tau / revolutions,
         start=trace(model, truth[:, : round(START_TIME * RATE)]) if keep else NO_TRACE,
@@ -134,37 +137,40 @@ def stairs(
 
 
 class Drop(NamedTuple):
-    """A drop at constant speed, from the magnet's equilibrium with the magnet gone at once."""
+    """A drop at constant speed, from the bearing's centre with the magnet gone at once."""
 
     unbalance: float  # kg m
-    trace: np.ndarray  # (2, n) m at KEPT_RATE, from the drop on
-    force: np.ndarray  # (2, n) N at KEPT_RATE: horizontal and vertical, the largest of each ms with its sign
+    start: np.ndarray  # (2, n) m at KEPT_RATE, the first seconds of the orbit
+    force: np.ndarray  # (2, n) N, of the same: horizontal and vertical, the largest of each ms with its sign
+    end: np.ndarray  # (2, n) m at KEPT_RATE, the last seconds of the orbit
     crossings: np.ndarray  # (3, m): y (m), vx, vy (m/s) where the settled orbit crosses x = 0
     turns: float  # of the settled orbit per revolution
     share: float  # of the settled time in contact
+    peak: float  # N, largest force of a direction while settled
 
 
-def drop(model: Model, unbalance: float, hz: float = 10.0, seconds: float = 12.0) -> Drop:
+def drop(model: Model, unbalance: float, hz: float = 10.0, seconds: float = 40.0) -> Drop:
     """Drop the rotor with an unbalance (kg m) at a speed; what is settled begins half-way."""
     held = changed(without_drive(model), rotor={"unbalance": unbalance})
     fallen = changed(held, magnetic_bearing={"stiffness": 0.0, "damping": 0.0})
-    start = np.zeros(len(STATE))
-    start[STATE.index("speed")] = tau * hz
-    simulation = Simulation(fallen, rate=RATE, state=start)
+    state = np.zeros(len(STATE))
+    state[STATE.index("speed")] = tau * hz
+    simulation = Simulation(fallen, rate=RATE, state=state)
     truth = signals_for(round(seconds * RATE))
     simulation.advance(truth)
-    orbit = offsets(fallen, truth)
-    half = orbit.shape[1] // 2
+    orbit, forces = offsets(fallen, truth), -2.0 * fallen.housing.transducer_stiffness * truth[4:6]
+    half, first, last = orbit.shape[1] // 2, round(DROP_START * RATE), round(END_TIME * RATE)
     turned = np.unwrap(np.arctan2(orbit[1, half:], orbit[0, half:]))
     revolutions = (truth[9, -1] - truth[9, half]) / tau
-    forces = -2.0 * fallen.housing.transducer_stiffness * truth[4:6]
     return Drop(
         unbalance,
-        orbit[:, ::KEPT].astype(np.float32),
-        extremes(forces, KEPT).astype(np.float32),
-        crossings(orbit[:, half:], RATE),
+        orbit[:, :first:KEPT].astype(np.float32),
+        extremes(forces[:, :first], KEPT).astype(np.float32),
+        orbit[:, -last::KEPT].astype(np.float32),
+        crossings(orbit[:, half:], RATE)[:, -MOST_CROSSINGS:],
         float(turned[-1] - turned[0]) / tau / revolutions,
         float(np.mean(truth[13, half:] > 0.0)),
+        float(np.abs(forces[:, half:]).max()),
     )
 
 

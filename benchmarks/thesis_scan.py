@@ -116,8 +116,8 @@ def conclusion(ranked: list[tuple[tuple[Reading, float], Score]]) -> str:
     hop = sum(abs(merit.hop) > LIMITS[1] for merit in best)
     jump = sum(abs(merit.jump) > LIMITS[2] for merit in best)
     return (
-        f"The best meet {most} of 7; {len(best)} of {len(ranked)} do so. Of these, {hop} miss the hop and {jump} "
-        "the last speed with contact: what makes the hop begin later also makes it last longer."
+        f"The best meet {most} of 7; {len(best)} of {len(ranked)} do so. Of these, {hop} miss the hop and "
+        f"{jump} the last speed with contact: what makes the hop begin later also makes it last longer."
     )
 
 

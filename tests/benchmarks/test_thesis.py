@@ -50,7 +50,7 @@ def test_readings_of_a_run():
 ])  # fmt: skip
 def test_regions_of_a_drop(share, turns, y, expected):
     crossings = np.array([[y], [0.1], [0.0]])
-    assert region(Drop(1e-4, NO_TRACE, NO_TRACE, crossings, turns, share)) == expected
+    assert region(Drop(1e-4, NO_TRACE, NO_TRACE, NO_TRACE, crossings, turns, share, 9.0)) == expected
 
 
 def test_speeds_are_judged_by_the_thesis_step():

@@ -1,7 +1,5 @@
 """The thesis' headline results, quickly; `python -m benchmarks.thesis` compares all of them."""
 
-from math import tau
-
 import pytest
 
 from benchmarks import thesis_experiments as experiments
@@ -70,13 +68,12 @@ def test_an_upward_hit_frees_the_rotor_at_some_angles_of_the_shaft():
 
 @pytest.mark.parametrize("unbalance", [30e-6, 420e-6])
 def test_dropped_rotor_stays_at_the_bottom_with_published_numbers(unbalance):
-    assert region(drop(published_drop(), unbalance, seconds=6.0)) == "I"
+    assert region(drop(published_drop(), unbalance, seconds=8.0)) == "I"
 
 
 def test_dropped_rotor_with_a_lifting_coupling_goes_from_the_bottom_to_the_whirl():
-    model = lifted_drop(-34.0)
+    model = lifted_drop(-33.0)
     assert region(drop(model, 30e-6)) == "I"
     whirl = drop(model, 420e-6)
     assert region(whirl) == "III"
-    needed = 420e-6 * (tau * 10.0) ** 2 * 0.3035 / 0.211  # N, of the unbalance, carried over to the bearing
-    assert 0.5 * needed < abs(whirl.force[:, 6000:]).max() < 25.0  # published 20 N
+    assert 15.0 < whirl.peak < 28.0  # published 20 N
