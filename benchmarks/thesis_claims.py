@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 
 from benchmarks import thesis_experiments as experiments
 from benchmarks.thesis_readings import (
+    backward,
     first_contact,
     first_hop,
     largest_force,
     largest_force_ever,
     last_contact,
-    never_backward,
     one_pin,
     region,
 )
@@ -57,6 +57,7 @@ def claims(found: Results) -> dict[str, list[Claim]]:
         "Rotor and contact (P3 section 4)": list(rotor(found)),
         "Ball bearing: run-up and run-down (P2 section 4, P3 section 5)": list(ball(found)),
         "Pinned bearing (P2 section 5, P3 section 5)": list(pinned(found)),
+        "Walls that provoke backward whirl (P2)": list(walls(found)),
         "Unbalance and fast runs (P2 section 4.1 and table 3)": list(unbalance(found)),
         "Rotor drop (P1, C1)": list(drops(found)),
     }
@@ -126,8 +127,8 @@ def ball(found: Results) -> Iterator[Claim]:
     yield phases(found, "ball", "indifferent")
     yield freeing(found)
     yield Claim(
-        "backward whirl", "P2 section 7", "none", "none" if never_backward(run) else "seen",
-        judged(never_backward(run)),
+        "backward whirl", "P2 section 7", "none", "seen" if backward([*run.up, *run.down]) else "none",
+        judged(not backward([*run.up, *run.down])),
     )  # fmt: skip
 
 
@@ -223,9 +224,31 @@ def pinned(found: Results) -> Iterator[Claim]:
     )  # fmt: skip
     yield phases(found, "pinned", "0.5 to 1 Hz earlier")
     yield Claim(
-        "backward whirl", "P2 section 7", "none", "none" if never_backward(run) else "seen",
-        judged(never_backward(run)),
+        "backward whirl", "P2 section 7", "none", "seen" if backward([*run.up, *run.down]) else "none",
+        judged(not backward([*run.up, *run.down])),
     )  # fmt: skip
+
+
+def walls(found: Results) -> Iterator[Claim]:
+    """Backward whirl where P2 reports it."""
+    for name, item, source in (
+        ("wall", "backward whirl along a plain wall", "P2 section 2"),
+        ("tight pins", "backward whirl between tight pins", "P2 sections 5 and 7"),
+    ):
+        seen = {friction: backward(found[f"{name} {friction:g}"].up) for friction in experiments.FRICTIONS}
+        said = [f"friction {friction:g}: {whirls(rolling)}" for friction, rolling in seen.items()]
+        yield Claim(
+            item, source, "a high risk" if name == "wall" else "can be provoked", "; ".join(said),
+            judged(any(seen.values())), "" if name == "wall" else f"a gap of {1e3 * experiments.TIGHT:g} mm",
+        )  # fmt: skip
+
+
+def whirls(rolling: Sequence[Dwell]) -> str:
+    """Say from which speed a backward whirl is there, and with what force."""
+    if not rolling:
+        return "none"
+    low, high = min(dwell.force for dwell in rolling), largest_force(rolling)
+    return f"from {rolling[0].hz:g} Hz, {low:.0f} to {high:.0f} N"
 
 
 def unbalance(found: Results) -> Iterator[Claim]:

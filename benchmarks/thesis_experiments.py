@@ -24,6 +24,8 @@ RAMPS = (0.4, 0.5, 0.625, 0.75, 1.0, 1.5)  # s for 20 Hz
 DELAYS = tuple(round(0.5 + number / 15.0 / 16.0, 3) for number in range(16))  # s: over one turn at 15 Hz
 DROPPED = (0.0, 15e-6, 21e-6, 30e-6, 105e-6, 207e-6, 318e-6, 420e-6)  # kg m, P1 figure 5
 BIFURCATION = tuple(round(10e-6 * number, 9) for number in range(43))
+FRICTIONS = (0.1, 0.2, 0.4)  # of a plain wall and of tight pins
+TIGHT = 0.8e-3  # m under the pins
 LIGHT = (15e-6, 25e-6, 35e-6, 45e-6, 60e-6)  # kg m
 HIGHER = (-14.0, -16.0, -18.0, -20.0)  # N
 FORCES = (20.0, 40.0, 60.0, 80.0)  # N
@@ -87,6 +89,7 @@ def jobs() -> dict[str, Job]:
         **ramp_jobs("ball", ball),
         **hit_jobs("ball", ball),
         **hit_jobs("nominal", nominal),
+        **wall_jobs(),
         **drop_jobs(),
         "decay": Job(free_decay, (ball, solenoid())),
         "drop test": Job(drop_test, (changed(nominal, rotor={"coupling_force": 0.0}),)),
@@ -146,6 +149,18 @@ def hit_jobs(name: str, of: Model) -> dict[str, Job]:
         for angle in (180.0, 0.0, 90.0)
         for force in FORCES
     }
+
+
+def wall_jobs() -> dict[str, Job]:
+    """Run up along a plain wall and between tight pins, where P2 reports backward whirl."""
+    plain, pinned = model("thesis-plain"), model("thesis-pinned")
+    walls = {
+        f"wall {friction:g}": changed(plain, backup_bearing={"friction": friction}) for friction in FRICTIONS
+    }
+    for friction in FRICTIONS:
+        tight = {"friction": friction, "clearance": TIGHT}
+        walls[f"tight pins {friction:g}"] = changed(pinned, backup_bearing=tight)
+    return {name: Job(stairs, (of, levels(8.0, 16.0), [], 4.0)) for name, of in walls.items()}
 
 
 def drop_jobs() -> dict[str, Job]:

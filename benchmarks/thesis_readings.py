@@ -54,9 +54,9 @@ def largest_force_ever(dwells: Sequence[Dwell]) -> float:
     return max(float(dwell.start[2].max(initial=dwell.force)) for dwell in dwells)
 
 
-def never_backward(run: Stairs) -> bool:
-    """Tell whether no orbit rolls backward: permanent contact with turns against the shaft's."""
-    return not any(dwell.share > 0.95 and dwell.turns < -0.5 for dwell in (*run.up, *run.down))
+def backward(dwells: Sequence[Dwell]) -> list[Dwell]:
+    """Return the dwells that roll backward: permanent contact with turns against the shaft's."""
+    return [dwell for dwell in dwells if dwell.share > 0.95 and dwell.turns < -0.5]
 
 
 def region(drop: Drop) -> str:
