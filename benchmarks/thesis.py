@@ -20,6 +20,7 @@ from benchmarks.thesis_cache import performed
 from benchmarks.thesis_claims import REGIONS, Claim, Results, agreement, claims, dropped, regions
 from benchmarks.thesis_plotting import save
 from benchmarks.thesis_readings import last_contact
+from benchmarks.thesis_runs import Hit
 
 DOCS = Path(__file__).parents[1] / "docs"
 FOLDER = "validation"
@@ -50,13 +51,11 @@ def summary(chapters: Mapping[str, Iterable[Claim]]) -> dict[str, Figure]:
 def draw(found: Results) -> list[tuple[str, str]]:
     """Draw all figures; return their names with captions."""
     ball, pinned = experiments.model("thesis-ball"), experiments.model("thesis-pinned")
-    freed = next(
-        (hit for name in found if name.startswith("ball hit") for hit in found[name] if hit.freed), None
-    )
+    freed = next((hit for hit in upward_hits(found) if hit.freed), None)
     kinds = {"ball": found["ball"], "pinned": found["pinned"]}
     selected = [found[f"lifted {value:.6f}"] for value in experiments.DROPPED]
     drops = {
-        name: [found[f"{key} {value:.6f}"] for value in experiments.BIFURCATION]
+        name: [found[f"bifurcation {key} {value:.6f}"] for value in experiments.BIFURCATION]
         for name, key in (("as published", "published"), ("with a lifting coupling [HYPOTHESIS]", "lifted"))
     }
     makers: dict[str, tuple[Callable[[], Any], str]] = {
@@ -102,7 +101,7 @@ def draw(found: Results) -> list[tuple[str, str]]:
         ),
         "bifurcation": (
             lambda: drop_figures.bifurcation(drops),
-            "Bifurcation over unbalance after the drop at 10 Hz (P1 figure 5, C1 figure 4).",
+            "Bifurcation over unbalance, 6 to 12 s after the drop at 10 Hz (P1 figure 5, C1 figure 4).",
         ),
         "drop-orbits": (
             lambda: drop_figures.orbits(selected, ball.backup_bearing.clearance),
@@ -127,12 +126,17 @@ def draw(found: Results) -> list[tuple[str, str]]:
     }
     if freed is not None:
         makers["hit"] = (
-            lambda: figures.freeing_hit(freed, f"15 Hz, upward hit after {freed.delay:g} s"),
+            lambda: figures.freeing_hit(freed, "upward hit on the hopping orbit at 15 Hz"),
             "A hit that frees the rotor (P2 figures 11a and 12a), and the spectra before and after.",
         )
     for name, (make, _) in makers.items():
         save(make(), DOCS / FOLDER / f"{name}.png")
     return [(name, caption) for name, (_, caption) in makers.items()]
+
+
+def upward_hits(found: Results) -> list[Hit]:
+    """Return the hits upwards in the ball bearing."""
+    return [hit for force in experiments.FORCES for hit in found[f"ball hit 90 {force:g}"]]
 
 
 def transitions(found: Results) -> dict[str, Any]:
