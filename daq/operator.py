@@ -21,8 +21,8 @@ from daq.messages_pb2 import Answer, Command, Event, Summary
 from daq.operation import Operation
 from daq.parent import follow_parent
 from daq.plan import Plan, load_plan
-from daq.rig import Rig, load_rig, rig_from_text
-from daq.runtime import running
+from daq.ports import as_it_runs
+from daq.rig import Rig, load_rig
 
 PROCESS = "operator"
 RENEWAL = 0.025
@@ -75,9 +75,7 @@ def operate(name_or_path: str, plan_name: str | None = None) -> None:
     Raises:
         RigError, PlanError, NotRunning, LinkError: rig, plan or ports cannot be used.
     """
-    rig = load_rig(name_or_path)
-    if 0 in rig.link:
-        rig = rig_from_text(running(rig.name)["toml"], f"running rig {rig.name}")
+    rig = as_it_runs(load_rig(name_or_path))
     plan = load_plan(plan_name, rig) if plan_name else None
     link = rig.link
     with (

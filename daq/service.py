@@ -11,18 +11,19 @@ from daq import keys
 from daq.acquisition import Acquisition
 from daq.backend import Backend, BackendError, make_backend
 from daq.describe import EMULATED, LIVE, describe
-from daq.link import Link, Publisher, Request, free_ports
+from daq.link import Link, Publisher, Request
 from daq.orders import CommandOrder, EndOrder, LeaseOrder, Order, Orders
 from daq.parent import follow_parent
+from daq.ports import with_free_ports
 from daq.presence import Presence
-from daq.rig import Rig, with_ports
+from daq.rig import Rig
 from daq.runtime import claim
 
 PROCESS = "daq"
 STATUS_PERIOD = 0.1
 CONTROL_LEASE_MS = 200
 """ms after which a process that is silent on the control link is given up."""
-PATIENCE = 60.0
+PATIENCE = 300.0
 """s that the processes waited for may take to come."""
 REST_TIME = 15.0
 """s that the rotor may take to come to rest at the end."""
@@ -204,7 +205,7 @@ def acquire(rig: Rig, run: str = "", wait_for: tuple[str, ...] = (), duration: f
         BackendError: the device is missing, busy or has failed.
         ServiceError: a process that was waited for did not come.
     """
-    rig = _with_free_ports(rig)
+    rig = with_free_ports(rig)
     link = rig.link
     with ExitStack() as stack:
         backend = make_backend(rig.acquisition.backend)
@@ -225,10 +226,3 @@ def _record(rig: Rig, backend: Backend) -> dict[str, Any]:
     """Return what others need to find this run."""
     mode = EMULATED if backend.capabilities.emulated else LIVE
     return {"mode": mode, **rig.link._asdict(), "toml": rig.toml}
-
-
-def _with_free_ports(rig: Rig) -> Rig:
-    """Return the rig with free ports in place of zeros."""
-    given = [rig.link.daq, rig.link.control, rig.link.twin, rig.link.operator]
-    free = free_ports(len(given))
-    return with_ports(rig, [port or other for port, other in zip(given, free, strict=True)])

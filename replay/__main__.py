@@ -92,17 +92,16 @@ def _play(options: argparse.Namespace) -> int:
 
 def _rig(options: argparse.Namespace) -> "Rig":
     """Return the rig with ports, free ones where its description leaves them open."""
-    from daq.link import free_ports
+    from daq.ports import with_free_ports
     from daq.recording import Recording
-    from daq.rig import load_rig, rig_from_text, with_ports
+    from daq.rig import load_rig, rig_from_text
 
     if options.rig:
         rig = load_rig(options.rig)
     else:
         with Recording(options.file) as recording:
             rig = rig_from_text(recording.rig_toml, str(options.file))
-    given = [rig.link.daq, rig.link.control, rig.link.twin, rig.link.operator]
-    return with_ports(rig, [port or free for port, free in zip(given, free_ports(4), strict=True)])
+    return with_free_ports(rig)
 
 
 if __name__ == "__main__":

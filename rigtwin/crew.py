@@ -38,8 +38,7 @@ class Child:
                 start_new_session=True,
             )
         if niceness:
-            with suppress(PermissionError, ProcessLookupError):
-                os.setpriority(os.PRIO_PROCESS, self._process.pid, niceness)
+            set_niceness(self._process.pid, niceness)
 
     @property
     def pid(self) -> int:
@@ -79,6 +78,18 @@ class Child:
         """Its last line, for an explanation of why it ended."""
         lines = [line for line in self.said() if line.strip()]
         return lines[-1].strip() if lines else "it said nothing"
+
+
+def set_niceness(pid: int, niceness: int) -> None:
+    """Let a process that leads its session go before (negative) or after others, where the system allows it.
+
+    Linux may schedule whole sessions against each other (sched(7), autogroup); a process' own niceness then
+    counts only within its session, so that of the session is set too.
+    """
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, pid, niceness)
+    with suppress(OSError):
+        Path(f"/proc/{pid}/autogroup").write_text(str(niceness))
 
 
 class Crew:

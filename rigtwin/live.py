@@ -75,6 +75,7 @@ def rig_of(options: argparse.Namespace) -> "Rig":
 
 def run(options: argparse.Namespace) -> int:
     """Run the rig; return 0 when all went as planned, 1 when the plan was cut short or something failed."""
+    from daq.ports import with_free_ports
     from daq.runtime import refuse_second
     from rigtwin.supervisor import StopRequest
 
@@ -104,15 +105,6 @@ def plan_of(options: argparse.Namespace, rig: "Rig") -> "Plan | None":
     if options.plan == "none" or (options.plan is None and not (rig.emulated and rig.plan)):
         return None
     return load_plan(options.plan or rig.plan, rig)
-
-
-def with_free_ports(rig: "Rig") -> "Rig":
-    """Return the rig with free ports in place of zeros."""
-    from daq.link import free_ports
-    from daq.rig import with_ports
-
-    given = [getattr(rig.link, name) for name in ("daq", "control", "twin", "operator")]
-    return with_ports(rig, [port or free for port, free in zip(given, free_ports(4), strict=True)])
 
 
 def new_recording(path: Path | None, rig: str) -> Path:

@@ -5,7 +5,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from rigtwin.live import add_view_option, start_display, with_free_ports
+from rigtwin.live import add_view_option, start_display
 
 if TYPE_CHECKING:
     from daq.rig import Rig
@@ -38,6 +38,7 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
 
 def run(options: argparse.Namespace) -> int:
     """Play the recording; return 0 when all of it was played, 1 when something failed."""
+    from daq.ports import with_free_ports
     from rigtwin.supervisor import StopRequest
 
     rig = with_free_ports(recorded_rig(options.file))

@@ -39,7 +39,7 @@ class StopRequest:
 class Supervisor:
     """Runs a crew until the run is over.
 
-    `essential` children end the run when they end; the others are started anew.
+    `essential` children end the run when they end; the others are started anew when they fail.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class Supervisor:
                 go_on = False
                 if child.exit_code != 0:
                     self._fail(explain(child))
-            else:
+            elif child.exit_code != 0:
                 self._replace(child)
         return go_on
 

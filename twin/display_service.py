@@ -20,8 +20,8 @@ from daq import keys
 from daq.link import Inbox, Link, LinkError, free_ports
 from daq.messages import MessageError, read_header
 from daq.messages_pb2 import Description, Status
-from daq.rig import Rig, load_rig, rig_from_text
-from daq.runtime import running
+from daq.ports import as_it_runs
+from daq.rig import Rig, load_rig
 from twin.display import Screen
 from twin.display_address import Address, Announcement
 from twin.display_data import Scene
@@ -169,7 +169,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
     Thread(target=_wait_for_end_of_input, args=(stop,), daemon=True).start()
     try:
-        rig = _with_ports(load_rig(options.rig))
+        rig = as_it_runs(load_rig(options.rig))
         show(rig, options.view, options.mode, options.grpc_port, options.web_port, stop)
     except (ValueError, RuntimeError) as error:
         print(f"display: {error}", file=sys.stderr, flush=True)
@@ -194,11 +194,6 @@ def parser() -> argparse.ArgumentParser:
         "--web-port", type=int, default=0, metavar="N", help="port of the page (default: a free one)"
     )
     return made
-
-
-def _with_ports(rig: Rig) -> Rig:
-    """Return the rig as it runs, when its description leaves the ports open."""
-    return rig if rig.link.daq else rig_from_text(running(rig.name)["toml"], rig.name)
 
 
 def _wait_for_end_of_input(stop: Flag) -> None:

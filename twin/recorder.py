@@ -21,10 +21,10 @@ from daq.link import Inbox, Link, LinkError
 from daq.messages import MessageError, decode_series, read_header
 from daq.messages_pb2 import Description, Status
 from daq.parent import follow_parent
+from daq.ports import as_it_runs
 from daq.presence import Presence
 from daq.recording import Recording, RecordingError, RecordingWriter, part_path, parts, prepare, series_end
-from daq.rig import Rig, load_rig, rig_from_text
-from daq.runtime import running
+from daq.rig import Rig, load_rig
 
 PROCESS = "recorder"
 CAPACITY = 8192  # messages that may wait: about 15 s of a run
@@ -261,7 +261,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     told_to_end = Flag()
     follow_parent(told_to_end.set)
     try:
-        rig = _with_ports(load_rig(options.rig))
+        rig = as_it_runs(load_rig(options.rig))
         return record(rig, options.file, options.part, options.after, options.connect, told_to_end)
     except RecordingError as error:
         print(f"recorder: {error}", file=sys.stderr, flush=True)
@@ -288,8 +288,3 @@ def parser() -> argparse.ArgumentParser:
         help="one more process to connect to, which then hears the recorder's status",
     )
     return made
-
-
-def _with_ports(rig: Rig) -> Rig:
-    """Return the rig as it runs, when its description leaves the ports open."""
-    return rig if rig.link.daq else rig_from_text(running(rig.name)["toml"], rig.name)

@@ -24,9 +24,9 @@ from daq.link import Inbox, Link, LinkError, Publisher
 from daq.messages import MessageError, SeriesEncoder, read_header
 from daq.messages_pb2 import Description, Event, Status
 from daq.parent import follow_parent
+from daq.ports import as_it_runs
 from daq.presence import Presence
 from daq.rig import Rig, RigError, load_rig, rig_from_text
-from daq.runtime import running
 from twin.estimation import SOURCE, Twin
 
 __all__ = ["Service", "Twin", "main"]
@@ -267,7 +267,7 @@ def observe(rig: Rig, told_to_end: Flag) -> None:
     """
     if rig.twin.model == "none":
         raise RigError(f'{rig.name} has [twin] model = "none": there is nothing to run; leave the twin out')
-    rig = _with_ports(rig)
+    rig = as_it_runs(rig)
     warm_up(rig)
     with (
         Link(connect=[rig.link.endpoint("daq")]) as data,
@@ -291,8 +291,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"twin: {error}", file=sys.stderr, flush=True)
         return 2
     return 0
-
-
-def _with_ports(rig: Rig) -> Rig:
-    """Return the rig as it runs, when its description leaves the ports open."""
-    return rig if rig.link.daq else rig_from_text(running(rig.name)["toml"], rig.name)

@@ -27,11 +27,14 @@ def until(condition, seconds=PATIENCE):
     return result
 
 
+PATIENT = "command.lease=1"  # s: a busy machine may hold an operator up for longer than the shipped 0.1 s
+
+
 class DaqProcess:
     """`python -m daq acquire` as a child; `rig` has the ports that it listens on."""
 
     def __init__(self, folder, *arguments, overrides=(), rig=None, packages=None):
-        self.rig = rig or with_ports(load_rig("thesis-ball", overrides), free_ports(4))
+        self.rig = rig or with_ports(load_rig("thesis-ball", [PATIENT, *overrides]), free_ports(4))
         path = folder / "rig.toml"
         path.write_text(self.rig.toml)
         self.process = subprocess.Popen(

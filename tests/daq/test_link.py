@@ -540,6 +540,7 @@ class TestQueries:
         with Link(connect=[endpoint(port)]) as client:
             wait_until(lambda: answer_or_none(client, COMMAND) == b"")
             os.kill(server.pid, signal.SIGSTOP)
+            os.waitpid(server.pid, os.WUNTRACED)
             with pytest.raises((NoAnswerInTime, NoAnswer)):
                 client.ask(COMMAND, b"", timeout=0.1)
             os.kill(server.pid, signal.SIGCONT)
