@@ -90,7 +90,7 @@ def ball(found: Results) -> Iterator[Claim]:
     up, down = run.up, run.down
     yield Claim(
         "first impacts", "P2 section 4", "above 8.5 Hz: at 9.0 Hz", hz(first_contact(up)),
-        verdict(first_contact(up), 9.0), f"at 9.0 Hz the orbit comes to {radius(up, 9.0):.0f} um of 1500: "
+        verdict(first_contact(up), 9.0), f"at 9.0 Hz the orbit comes to {radius(up, 9.0):.0f} µm of 1500: "
         "the rest position decides, see the readings below",
     )  # fmt: skip
     yield Claim(
@@ -117,7 +117,7 @@ def ball(found: Results) -> Iterator[Claim]:
     )  # fmt: skip
     yield Claim(
         "contact again, going down", "P2 section 4, figure 11a", "12.0 Hz", hz(first_contact(down)),
-        verdict(first_contact(down), 12.0), f"at 12.0 Hz the orbit comes to {radius(down, 12.0):.0f} um: "
+        verdict(first_contact(down), 12.0), f"at 12.0 Hz the orbit comes to {radius(down, 12.0):.0f} µm: "
         "read 7 % too large it would be contact; else it needs a coupling force of -10 N",
     )  # fmt: skip
     yield Claim(
@@ -138,7 +138,7 @@ def at(dwells: Sequence[Dwell], speed: float) -> Dwell:
 
 
 def radius(dwells: Sequence[Dwell], speed: float) -> float:
-    """Return the largest radius at a speed, um."""
+    """Return the largest radius at a speed, µm."""
     return 1e6 * at(dwells, speed).radius
 
 
