@@ -2,8 +2,10 @@
 
 Beside it, on the same job: a plain Runge-Kutta 4 at 10 us in numba that uses the same forces, and, on a
 stretch of it, `scipy.integrate.solve_ivp` with the same compiled derivatives, begun anew at each contact's
-entry and exit. Variants take turns in rotated order; figures are medians, in processor time. Run
-`python -m benchmarks.simulator`.
+entry and exit. The plain one also stands beside runs at constant, prescribed speeds: free of contact
+(20 Hz), bouncing (12 Hz), and in permanent contact (990 g mm at 20 Hz). A sweep of 1000 rigs runs on one
+thread and on two, by the clock. Variants take turns in rotated order; figures are medians, in processor
+time but for the sweep. Run `python -m benchmarks.simulator`.
 """
 
 import os
@@ -27,13 +29,18 @@ from simulator.rig import DriveMode, Model
 from simulator.simulation import Simulation, signals_for
 from simulator.state import Inputs
 from simulator.stepping import pack, unpacked, with_drive
+from simulator.sweep import Leg, sweep
 
 ROUNDS = 5
 CHUNK = 1000  # samples a call
 RAMP = tau * 0.5  # rad/s2: 16 s from 8 to 16 Hz
 SECONDS = 16.0
 STRETCH = 0.4  # s, for scipy
+PLAIN = "plain Runge-Kutta 4 at 10 us, numba"
 PLAIN_SUBSTEPS = 4  # of 10 us
+CONSTANT_CHUNK = 5000  # samples a call at constant speed, where a call's own 9 us would show
+SWEPT = 1000  # rigs
+SWEEP_SECONDS = 1.0
 DEMANDED = 50.0  # times real time
 
 
@@ -113,6 +120,49 @@ class Job:
         return round(SECONDS * 25000 / CHUNK)
 
 
+class Constant:
+    """A settled rig at a constant, prescribed speed."""
+
+    def __init__(self, model: Model, hz: float, unbalance: float):
+        self.model = model._replace(rotor=model.rotor._replace(unbalance=unbalance))
+        self.buffer = signals_for(CONSTANT_CHUNK)
+        state = Simulation(self.model).state
+        state[10] = tau * hz
+        simulation = Simulation(self.model, state=state)
+        for _ in range(round(8.0 * 25000 / CONSTANT_CHUNK)):
+            simulation.advance(self.buffer)
+        self.start, self.factors = simulation.state.copy(), simulation.damping_factors
+
+    def simulated(self) -> float:
+        """Run the simulator; return seconds of run for each second of processor time."""
+        simulation = Simulation(self.model, state=self.start)
+        return self._rate(20, lambda _: simulation.advance(self.buffer))
+
+    def plain(self) -> float:
+        """Run the plain integrator; return the same."""
+        values, ramp = self.start.copy(), np.array([self.start[10], self.start[10], 1.0, 0.0])
+        model = Simulation(self.model).model
+        return self._rate(
+            4,
+            lambda chunk: plain_run(model, self.factors, ramp, chunk * CONSTANT_CHUNK, values, self.buffer),
+        )
+
+    def _rate(self, chunks: int, run: Callable[[int], None]) -> float:
+        begin = time.process_time()
+        for chunk in range(chunks):
+            run(chunk)
+        return chunks * CONSTANT_CHUNK / 25000 / (time.process_time() - begin)
+
+
+def sweep_rate(model: Model, workers: int) -> float:
+    """Sweep speed and unbalance over `SWEPT` rigs; return seconds of run for each second of the clock."""
+    changes = {"rotor.unbalance": np.tile(np.linspace(20e-6, 200e-6, 40), SWEPT // 40)}
+    speeds = np.repeat(tau * np.linspace(8.0, 18.0, SWEPT // 40), 40)
+    begin = time.perf_counter()
+    sweep(model, changes, [Leg(speeds, tau * 26.7, SWEEP_SECONDS)], workers=workers)
+    return SWEPT * SWEEP_SECONDS / (time.perf_counter() - begin)
+
+
 class Stretch:
     """Some settled impacts at 12 Hz, at constant speed."""
 
@@ -190,22 +240,38 @@ def measured() -> dict[str, Figure]:
     motor = load_rig("thesis-ball").model
     assert motor is not None
     ideal = motor._replace(drive=motor.drive._replace(mode=DriveMode.IDEAL))
-    stretch, jobs = Stretch(Simulation(ideal).model), Job(motor)
+    ideal = Simulation(ideal).model
+    free, bouncing, pressed = (
+        Constant(ideal, hz, unbalance) for hz, unbalance in ((20.0, 75e-6), (12.0, 75e-6), (20.0, 990e-6))
+    )
+    stretch, jobs = Stretch(ideal), Job(motor)
     speed = speeds_of(
         {
             "motor": jobs.simulated,
-            "ideal": Job(Simulation(ideal).model).simulated,
+            "ideal": Job(ideal).simulated,
             "plain": jobs.plain,
             "stretch": stretch.simulated,
             "scipy": stretch.scipy,
+            "free": free.simulated,
+            "free_plain": free.plain,
+            "bouncing": bouncing.simulated,
+            "bouncing_plain": bouncing.plain,
+            "pressed": pressed.simulated,
+            "pressed_plain": pressed.plain,
+            "two_cores": lambda: sweep_rate(ideal, 2),
+            "one_core": lambda: sweep_rate(ideal, 1),
         }
     )
     unit = "x real time"
     return {
         "run_up": Figure(speed["motor"], unit, DEMANDED, "what is demanded"),
         "run_up_prescribed_speed": Figure(speed["ideal"], unit, DEMANDED, "what is demanded"),
-        "run_up_plain": Figure(speed["motor"], unit, speed["plain"], "plain Runge-Kutta 4 at 10 us, numba"),
+        "run_up_plain": Figure(speed["motor"], unit, speed["plain"], PLAIN),
         "impacts_scipy": Figure(speed["stretch"], unit, speed["scipy"], "solve_ivp with contact events"),
+        "free_of_contact": Figure(speed["free"], unit, speed["free_plain"], PLAIN),
+        "bouncing": Figure(speed["bouncing"], unit, speed["bouncing_plain"], PLAIN),
+        "permanent_contact": Figure(speed["pressed"], unit, speed["pressed_plain"], PLAIN),
+        "sweep_of_1000": Figure(speed["two_cores"], unit, speed["one_core"], "one thread instead of two"),
         "first_start": Figure(compile_time(), "s", 15.0, "what a new user may wait for the kernels"),
     }
 

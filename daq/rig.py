@@ -31,15 +31,17 @@ from daq.settings import (
     SpeedLimit,
     TwinSettings,
 )
+from simulator.faults import Fault, check_fault, damaged, of_sensor, schedule
 from simulator.rig import Model, Solenoid, model_from_mapping
+from simulator.unbalance import UnbalanceMass, with_masses
 from simulator.validation import NAME, RigError, nearest, tuple_at
 
 __all__ = ["Rig", "RigError", "load_rig", "rig_from_text", "shipped_rigs", "with_overrides", "with_ports"]
 
 MODEL_TABLES = Model._fields
 TABLES = (
-    "rig", *MODEL_TABLES, "command", "safe_state", "solenoid", "acquisition", "encoder", "channel", "limits",
-    "twin", "link", "emulator",
+    "rig", *MODEL_TABLES, "unbalance_mass", "command", "safe_state", "solenoid", "acquisition", "encoder",
+    "channel", "limits", "twin", "link", "emulator",
 )  # fmt: skip
 NEEDED_BY_TWIN = ("proximity_x", "proximity_y", "encoder_angle", "motor_speed")
 
@@ -71,6 +73,7 @@ class Rig:
     link: LinkSettings
     emulator: EmulatorSettings
     actual: Model | None  # the emulated rig where it differs from `model`
+    faults: tuple[Fault, ...]  # what goes wrong with the emulated rig and its sensors
     toml: str
 
     @property
@@ -153,7 +156,9 @@ def _validated(tables: Mapping[str, Any]) -> Rig:
         if name not in TABLES:
             raise RigError(f"[{name}] is not a table of a rig{nearest(name, TABLES, 'its tables are')}")
     emulator = dict(_table(tables, "emulator", {}))
-    model = model_from_mapping(tables) if any(name in tables for name in MODEL_TABLES) else None
+    faults = _rows(emulator, "fault", Fault, "emulator.fault")
+    emulator.pop("fault", None)
+    model = _model(tables, tables) if any(name in tables for name in MODEL_TABLES) else None
     actual = _actual_model(tables, model, emulator.pop("actual", {}))
     channels = _channels(tables)
     rig = Rig(
@@ -170,9 +175,17 @@ def _validated(tables: Mapping[str, Any]) -> Rig:
         link=tuple_at(LinkSettings, _table(tables, "link", {}), "[link]"),
         emulator=tuple_at(EmulatorSettings, emulator, "[emulator]"),
         actual=actual,
+        faults=tuple(faults),
         toml=tomli_w.dumps(tables),
     )
-    for check in (_check_acquisition, _check_command, _check_link, _check_encoder, _check_model):
+    for check in (
+        _check_acquisition,
+        _check_command,
+        _check_link,
+        _check_encoder,
+        _check_model,
+        _check_faults,
+    ):
         check(rig)
     return rig
 
@@ -189,14 +202,21 @@ def _table(
     return table
 
 
-def _rows(tables: Mapping[str, Any], name: str, kind: type) -> list[Any]:
+def _rows(tables: Mapping[str, Any], name: str, kind: type, title: str = "") -> list[Any]:
     """Validate the rows `[[name]]`; messages name a row by its name, or else by its number."""
-    rows = tables.get(name, [])
+    rows, title = tables.get(name, []), title or name
     if not isinstance(rows, list) or not all(isinstance(row, Mapping) for row in rows):
-        raise RigError(f"{name} must be rows [[{name}]], not {rows!r}")
+        raise RigError(f"{title} must be rows [[{title}]], not {rows!r}")
     return [
-        tuple_at(kind, row, f"[[{name}]] {row.get('name', number)}") for number, row in enumerate(rows, 1)
+        tuple_at(kind, row, f"[[{title}]] {row.get('name', number)}") for number, row in enumerate(rows, 1)
     ]
+
+
+def _model(tables: Mapping[str, Any], model_tables: Mapping[str, Any], parent: str = "") -> Model:
+    """Read the model from its tables, with the masses that are added to its rotor."""
+    model = model_from_mapping(model_tables, parent)
+    masses: list[UnbalanceMass] = _rows(tables, "unbalance_mass", UnbalanceMass)
+    return model._replace(rotor=with_masses(model.rotor, masses))
 
 
 def _channels(tables: Mapping[str, Any]) -> ChannelTable:
@@ -255,7 +275,7 @@ def _actual_model(tables: Mapping[str, Any], model: Model | None, actual: Any) -
     if model is None:
         raise RigError(f"[emulator.actual] needs the tables {', '.join(MODEL_TABLES)}, from which it differs")
     told = {name: tables[name] for name in MODEL_TABLES}
-    found = model_from_mapping(toml_source.merge(told, actual), "emulator.actual")
+    found = _model(tables, toml_source.merge(told, actual), "emulator.actual")
     return None if found == model else found
 
 
@@ -330,3 +350,17 @@ def _check_model(rig: Rig) -> None:
     for name in NEEDED_BY_TWIN[:2]:
         if rig.channels[name].station is None:
             raise RigError(f"[[channel]] {name} needs station and angle_deg for the twin")
+
+
+def _check_faults(rig: Rig) -> None:
+    """The faults are complete, their channels exist, and the emulated rig can have one after the other."""
+    for fault in rig.faults:
+        check_fault(fault)
+        if fault.channel and fault.channel not in rig.channels:
+            known = nearest(fault.channel, rig.channels.names, "there are")
+            raise RigError(f"[[emulator.fault]] channel = {fault.channel} is no channel of the rig{known}")
+    ours = [fault for fault in rig.faults if not of_sensor(fault)]
+    if ours:
+        model = rig.emulated_model
+        for _, fault in schedule(ours, rig.acquisition.rate):
+            model = damaged(model, fault)

@@ -1,1 +1,1 @@
-"""The rig's physics: parameters, contact, rotor, housing, drive and sensors. No I/O, no clock, no threads."""
+"""The rig's physics: parameters, contact, rotor, housing, drive and sensors; no I/O, no clock."""

@@ -1,12 +1,12 @@
-"""Contact between shaft and backup bearing: geometry, normal force, friction.
+"""Contact between shaft and backup bearing: its geometry, and what `simulator.law` makes of it.
 
 Everything is at the bearing's plane S, in the inertial frame, SI units. A *candidate* is a place where
 shaft and wall may touch: one for a ball or plain bearing, one for each pin of the pinned bearing. Its
 normal points from the shaft's centre to the wall, its tangent is the normal turned by +90 degrees.
 
-References are to the thesis' articles P1 and P3, cleaned of misprints. A contact law is chosen by number in
-the bearing's parameters (`kind`, `damping_mode`), never by a function argument, so that a kernel is compiled
-once.
+References are to the thesis' articles P1 and P3, cleaned of misprints. Geometry and law are chosen by number
+in the bearing's parameters (`kind`, `law`, `damping_mode`), never by a function argument, so that a kernel is
+compiled once.
 """
 
 from math import sqrt
@@ -15,17 +15,14 @@ from typing import NamedTuple
 import numpy as np
 
 from simulator.compile import inlined, kernel
-from simulator.rig import BackupBearing, BearingKind, DampingMode, Model
+from simulator.law import LATCHED, friction, latched_factor, normal_force
+from simulator.rig import MOST_PINS, BackupBearing, BearingKind, Model
 from simulator.state import State
 
 BALL = int(BearingKind.BALL)
 PINNED = int(BearingKind.PINNED)
-LATCHED = int(DampingMode.LATCHED)
 
-MOST_CANDIDATES = 4
-LOWEST_CLOSING_SPEED = 0.01  # m/s: a slower closing latches the damping factor of this speed
-PIN_LENGTH = 2e-3  # m: behind it lies the casing, which has no contact of its own
-HALF_ROOT = sqrt(0.5)
+MOST_CANDIDATES = MOST_PINS
 
 
 class Contact(NamedTuple):
@@ -44,7 +41,7 @@ class Contact(NamedTuple):
 @inlined
 def candidate_count(bearing: BackupBearing) -> int:
     """Return the number of places where shaft and bearing may touch."""
-    return MOST_CANDIDATES if bearing.kind == PINNED else 1
+    return bearing.pin_count if bearing.kind == PINNED else 1
 
 
 @inlined
@@ -68,15 +65,18 @@ def wall(
 def pin_wall(
     bearing: BackupBearing, shaft_radius: float, index: int, x: float, y: float
 ) -> tuple[float, float, float]:
-    """Return normal and penetration at pin `index`, counted from the first quadrant with rotation.
+    """Return normal and penetration at pin `index`, counted with rotation.
 
-    The pins are radial, on the diagonals, with spherical tips of radius r_t whose apex is at the
-    clearance from the shaft at rest in the middle.
+    The pins are radial and evenly spaced, with spherical tips of radius r_t whose apex is at the clearance
+    from the shaft at rest in the middle.
     """
     reach = shaft_radius + bearing.pin_tip_radius
-    distance = (reach + bearing.clearance) * HALF_ROOT
-    to_x = (-distance if 0 < index < 3 else distance) - x
-    to_y = (distance if index < 2 else -distance) - y
+    distance = reach + bearing.clearance
+    if index + 1 == bearing.worn_pin:
+        distance += bearing.pin_wear
+    pin_x, pin_y = pin_direction(bearing, index)
+    to_x = distance * pin_x - x
+    to_y = distance * pin_y - y
     length = sqrt(to_x * to_x + to_y * to_y)
     if length == 0.0:
         return 0.0, 0.0, reach
@@ -84,33 +84,15 @@ def pin_wall(
 
 
 @inlined
-def normal_force(bearing: BackupBearing, damping_factor: float, depth: float, rate: float) -> float:
-    """Return Hunt and Crossley's force, N: k d^1.5 (1 + 1.5 eta d'), never pulling (P3 eq 20, P1 eq 11).
-
-    `damping_factor` is eta in s/m, `depth` the penetration d in m, `rate` d' in m/s, positive while closing.
-    """
-    if depth <= 0.0:
-        return 0.0
-    elastic = bearing.stiffness * depth * sqrt(depth)
-    return max(0.0, elastic * (1.0 + 1.5 * damping_factor * rate))
-
-
-@inlined
-def normal_stiffness(bearing: BackupBearing, depth: float) -> float:
-    """Return the elastic part's slope, N/m, at a penetration (m)."""
-    return 1.5 * bearing.stiffness * sqrt(max(depth, 0.0))
-
-
-@inlined
-def friction(bearing: BackupBearing, normal: float, slip_t: float, slip_z: float) -> tuple[float, float]:
-    """Return the friction on the shaft, N, along the tangent and along the shaft.
-
-    Coulomb's law, regularised: opposite to the slip (m/s, shaft minus wall), zero and smooth at zero slip.
-    """
-    slip_speed = bearing.slip_speed
-    slip = sqrt(slip_t * slip_t + slip_z * slip_z + slip_speed * slip_speed)
-    scale = -bearing.friction * normal / slip
-    return scale * slip_t, scale * slip_z
+def pin_direction(bearing: BackupBearing, index: int) -> tuple[float, float]:
+    """Return the unit vector from the bearing's centre to pin `index`."""
+    x, y = bearing.pin_x, bearing.pin_y
+    for _ in range(index):
+        x, y = (
+            x * bearing.pin_turn_x - y * bearing.pin_turn_y,
+            x * bearing.pin_turn_y + y * bearing.pin_turn_x,
+        )
+    return x, y
 
 
 @inlined
@@ -179,7 +161,7 @@ def candidate_contact(model: Model, damping_factor: float, index: int, state: St
 def contact_force(model: Model, damping_factors: np.ndarray, state: State) -> Contact:
     """Return what the backup bearing does to the rotor in a state.
 
-    `damping_factors` (4,) holds eta (s/m) of each candidate: see `latch`.
+    `damping_factors` (8,) holds eta (s/m) of each candidate: see `latch`.
     """
     total = candidate_contact(model, damping_factors[0], 0, state)
     for index in range(1, candidate_count(model.backup_bearing)):
@@ -215,21 +197,20 @@ def penetration(model: Model, state: State) -> float:
 
 @inlined
 def latch(model: Model, state: State, damping_factors: np.ndarray) -> None:
-    """Bring the damping factors (4,), s/m, of the open candidates up to date; call it before each substep.
+    """Bring the damping factors (8,), s/m, of the open candidates up to date; call it before each substep.
 
-    Mode `fixed`: they are the bearing's constant. Mode `latched`: an open candidate's is (1 - c_e) / d' of
-    this moment (P3 eq 21), so that a closing keeps that of its last open substep until it opens.
+    Mode `fixed`: they stay what they are. Mode `latched`: an open candidate's is that of a closing at this
+    moment's speed (P3 eq 21), so that a closing keeps that of its last open substep until it opens.
     """
     bearing = model.backup_bearing
     if bearing.damping_mode != LATCHED:
-        damping_factors[:] = bearing.damping_factor
         return
     x, y, rate_x, rate_y = relative_motion(model, state)
     for index in range(candidate_count(bearing)):
         nx, ny, depth = wall(bearing, model.rotor.shaft_radius, index, x, y)
         if depth <= 0.0:
-            closing = max(rate_x * nx + rate_y * ny, LOWEST_CLOSING_SPEED)
-            damping_factors[index] = (1.0 - bearing.restitution) / closing
+            closing = rate_x * nx + rate_y * ny
+            damping_factors[index] = latched_factor(bearing.law, bearing.restitution, closing)
 
 
 @inlined
@@ -239,5 +220,5 @@ def beyond_pins(model: Model, state: State) -> bool:
     if bearing.kind != PINNED:
         return False
     x, y, _, _ = relative_motion(model, state)
-    reach = bearing.clearance + PIN_LENGTH
+    reach = bearing.clearance + bearing.pin_length
     return x * x + y * y > reach * reach

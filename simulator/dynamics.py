@@ -19,12 +19,11 @@ from simulator.compile import inlined, kernel
 from simulator.contact import (
     candidate_count,
     contact_force,
-    normal_force,
-    normal_stiffness,
     relative_motion,
     ring_radius,
     wall,
 )
+from simulator.law import KELVIN_VOIGT, normal_damping, normal_force, normal_stiffness
 from simulator.numeric import sine_cosine
 from simulator.rig import DriveMode, Model, Rotor
 from simulator.state import Inputs, State
@@ -33,7 +32,7 @@ IDEAL = int(DriveMode.IDEAL)
 
 LEAST_GAP = 20e-9  # m: nearer than that counts as touching
 FLIGHT_TURN = 0.05  # rad of the fastest motion in a substep of flight: 3e-9 error a substep
-FRICTION_TURN = 1.5  # decay of slip in a substep of contact; unstable above 2.78
+DECAY_TURN = 1.5  # decay of slip and of closing in a substep of contact; unstable above 2.78
 CONTACT_TURN = 0.3  # rad of the contact's own frequency in a substep: 2e-5 error a substep
 HOUSE_TURN = 0.25  # rad of the fastest house mode in a substep of contact
 SHORTEST_SUBSTEP = 0.625e-6  # s: enough for 3900 N on the thesis rig
@@ -115,7 +114,7 @@ def shaft_acceleration(model: Model, load: float, inputs: Inputs) -> float:
 def derivatives(model: Model, damping_factors: np.ndarray, inputs: Inputs, state: State) -> State:
     """Return the rate of change of each field of the state, with the contact as it is in that state.
 
-    `damping_factors` (4,), s/m: see `simulator.contact.latch`. The speed error's integral belongs to the
+    `damping_factors` (8,), s/m: see `simulator.contact.latch`. The speed error's integral belongs to the
     controller, which works once a tick: its rate is zero here.
     """
     rotor, house = model.rotor, model.housing
@@ -287,18 +286,25 @@ def contact_substeps(model: Model, tick: Tick, damping_factors: np.ndarray, stat
 
     The regularised friction decides: near zero slip it is a damper mu N / slip_speed on the mobility of
     the contact point, and Runge-Kutta 4 is stable up to 2.78. The normal force is that of the end of the
-    tick, at the present rate, so that a hard closing is seen before it comes.
+    tick, at the present rate, so that a hard closing is seen before it comes. A law whose force jumps at
+    closing closes in the shortest substep.
     """
     bearing, radius = model.backup_bearing, model.rotor.shaft_radius
     x, y, rate_x, rate_y = relative_motion(model, state)
-    normal, deepest = 0.0, 0.0
+    normal, deepest, damping, closing = 0.0, 0.0, 0.0, False
     for index in range(candidate_count(bearing)):
         nx, ny, depth = wall(bearing, radius, index, x, y)
         rate = rate_x * nx + rate_y * ny
+        closing = closing or (depth <= 0.0 < depth + rate * tick.length)
         depth += max(rate, 0.0) * tick.length
         deepest = max(deepest, depth)
         normal += normal_force(bearing, damping_factors[index], depth, rate)
-    damping = bearing.friction * normal / bearing.slip_speed * tick.mobility
+        damping += normal_damping(bearing, damping_factors[index], depth)
+    if closing and bearing.law == KELVIN_VOIGT:
+        return ceil(tick.most_substeps)
+    coefficient = max(bearing.friction, bearing.static_friction)
+    sticking = coefficient * normal / bearing.slip_speed * tick.mobility
     stiffness = normal_stiffness(bearing, deepest) * tick.approach
-    needed = tick.length * max(damping / FRICTION_TURN, sqrt(stiffness) / CONTACT_TURN)
+    decay = max(sticking, damping * tick.approach)
+    needed = tick.length * max(decay / DECAY_TURN, sqrt(stiffness) / CONTACT_TURN)
     return ceil(min(max(needed, tick.least_substeps), tick.most_substeps))

@@ -4,6 +4,7 @@ from math import sqrt
 
 import numpy as np
 
+from simulator.compile import kernel
 from simulator.contact import MOST_CANDIDATES, PINNED, contact_force
 from simulator.dynamics import static_moment
 from simulator.rig import Model, RigError
@@ -17,24 +18,40 @@ def static_state(model: Model) -> np.ndarray:
 
     The shaft hangs in the vertical plane. Raises `RigError` when nothing carries it.
     """
-    low, high = -deepest(model), deepest(model)
-    if not (excess(model, low) >= 0.0 >= excess(model, high)):
-        raise RigError(
-            "neither [magnetic_bearing] stiffness nor [backup_bearing] stiffness carries the weight of "
-            "[rotor]; check their units"
-        )
+    low, high = bracket(model)
+    offset = bisected(model, low, high)
+    house = house_offset(model, offset)
+    values = np.zeros(len(STATE))
+    values[STATE.index("tilt_y")] = (offset + house) / model.rotor.bearing_station
+    values[STATE.index("house_y")] = house
+    return values
+
+
+@kernel
+def bisected(model: Model, low: float, high: float) -> float:
+    """Return the offset (m) between two at which no moment is left."""
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         if excess(model, middle) > 0.0:
             low = middle
         else:
             high = middle
-    offset = 0.5 * (low + high)
-    house = house_offset(model, offset)
-    values = np.zeros(len(STATE))
-    values[STATE.index("tilt_y")] = (offset + house) / model.rotor.bearing_station
-    values[STATE.index("house_y")] = house
-    return values
+    return 0.5 * (low + high)
+
+
+def bracket(model: Model) -> tuple[float, float]:
+    """Return offsets (m) below and above the one at rest. Raises `RigError` when nothing carries the shaft.
+
+    Pins do not carry a shaft pressed as far between them as their tips' centres: nearer ones are tried too.
+    """
+    reach = deepest(model)
+    for share in (1.0, 0.5, 0.25):
+        if excess(model, -share * reach) >= 0.0 >= excess(model, share * reach):
+            return -share * reach, share * reach
+    raise RigError(
+        "neither [magnetic_bearing] stiffness nor [backup_bearing] stiffness carries the weight of "
+        "[rotor]; check their units"
+    )
 
 
 def deepest(model: Model) -> float:
@@ -45,22 +62,27 @@ def deepest(model: Model) -> float:
     return bearing.clearance + radius
 
 
+@kernel
 def contact_lift(model: Model, offset: float) -> float:
     """Return the contact's vertical force (N) on a resting shaft `offset` (m) above the house's centre."""
-    values = [0.0] * len(STATE)
-    values[STATE.index("tilt_y")] = offset / model.rotor.bearing_station
-    return contact_force(model, np.zeros(MOST_CANDIDATES), State(*values)).force_y
+    tilt = offset / model.rotor.bearing_station
+    state = State(0.0, tilt, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return contact_force(model, np.zeros(MOST_CANDIDATES), state).force_y
 
 
+@kernel
 def house_offset(model: Model, offset: float) -> float:
     """Return where the contact's reaction has pushed the inner house, m."""
     return -contact_lift(model, offset) / (2.0 * model.housing.transducer_stiffness)
 
 
+@kernel
 def excess(model: Model, offset: float) -> float:
     """Return the moment (N m, up positive) left on a shaft held `offset` (m) above the house's centre."""
     rotor = model.rotor
-    stiffness = model.magnetic_bearing.stiffness * rotor.magnet_station**2 + rotor.pivot_stiffness
+    stiffness = (
+        model.magnetic_bearing.stiffness * rotor.magnet_station * rotor.magnet_station + rotor.pivot_stiffness
+    )
     tilt = (offset + house_offset(model, offset)) / rotor.bearing_station
     lift = rotor.bearing_station * contact_lift(model, offset)
     return static_moment(rotor) + lift - stiffness * tilt

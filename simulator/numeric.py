@@ -3,7 +3,7 @@
 The C library's sine and exponential differ in the last bit between processors; these do not.
 """
 
-from math import floor, radians
+from math import copysign, floor, radians, sqrt
 
 import numpy as np
 
@@ -69,9 +69,12 @@ def in_quarter(quarter: int, sine: float, cosine: float) -> tuple[float, float]:
 
 
 def direction(angle_deg: float) -> tuple[float, float]:
-    """Return the unit vector (x, y) at an angle from +x towards +y, exact at right angles."""
+    """Return the unit vector (x, y) at an angle from +x towards +y, exact at right angles and diagonals."""
     quarter = round(angle_deg / 90.0)
-    sine, cosine = sine_cosine(radians(angle_deg - 90.0 * quarter))
+    rest = angle_deg - 90.0 * quarter
+    sine, cosine = sine_cosine(radians(rest))
+    if abs(rest) == 45.0:
+        sine, cosine = copysign(sqrt(0.5), rest), sqrt(0.5)
     y, x = in_quarter(quarter % 4, sine, cosine)
     return x, y
 

@@ -9,13 +9,15 @@ description stays quick; numba's kernels take a `Model` as it is.
 
 from collections.abc import Mapping
 from enum import IntEnum
+from math import sqrt
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
-from simulator.validation import NAME, Quantity, RigError, tuple_at
+from simulator.validation import NAME, Derived, Quantity, RigError, keys_of, tuple_at
 
 __all__ = [
     "BackupBearing",
     "BearingKind",
+    "ContactLaw",
     "DampingMode",
     "Drive",
     "DriveMode",
@@ -30,6 +32,10 @@ __all__ = [
 ]
 
 
+MOST_PINS = 8
+HALF_ROOT = sqrt(0.5)
+
+
 class BearingKind(IntEnum):
     """Geometry of the backup bearing (P2, P3)."""
 
@@ -38,8 +44,19 @@ class BearingKind(IntEnum):
     PINNED = 2
 
 
+class ContactLaw(IntEnum):
+    """Normal force of the contact; formulas and sources are in `simulator.law`."""
+
+    HUNT_CROSSLEY = 0
+    HERTZ = 1
+    KELVIN_VOIGT = 2
+    LANKARANI_NIKRAVESH = 3
+    FLORES = 4
+    GONTHIER = 5
+
+
 class DampingMode(IntEnum):
-    """How Hunt-Crossley's damping factor is set: a constant of the material, or anew at each impact."""
+    """How the contact's damping factor is set: a constant of the material, or anew at each impact."""
 
     FIXED = 0
     LATCHED = 1
@@ -83,14 +100,17 @@ class MagneticBearing(NamedTuple):
 
 
 class BackupBearing(NamedTuple):
-    """Backup bearing: geometry, Hunt-Crossley contact and regularised Coulomb friction.
+    """Backup bearing: geometry, law of the contact and regularised friction.
 
-    `clearance` is the radial gap of a ball or plain bearing, or the gap under a pin's tip.
+    `clearance` is the radial gap of a ball or plain bearing, or the gap under a pin's tip. Keys with a
+    default came after the first recordings; the defaults are what those were made with.
     """
 
     kind: BearingKind
     clearance: Annotated[float, Quantity("m", 1e-6, 0.02, "radial gap, or gap under each pin tip [g_p]")]
-    stiffness: Annotated[float, Quantity("N/m^1.5", 1.0, 1e13, "of the contact, exponent 3/2 [k]")]
+    stiffness: Annotated[
+        float, Quantity("N/m^1.5", 1.0, 1e13, "of the contact, exponent 3/2 [k]; law kelvin-voigt: in N/m")
+    ]
     damping_mode: DampingMode
     damping_factor: Annotated[float, Quantity("s/m", 0.0, 100.0, "Hunt-Crossley factor, mode fixed [eta]")]
     restitution: Annotated[float, Quantity("1", 0.0, 1.0, "coefficient of restitution, mode latched [c_e]")]
@@ -101,6 +121,27 @@ class BackupBearing(NamedTuple):
     ]
     ring_damping: Annotated[float, Quantity("N m s", 0.0, 1e3, "drag of the ring; ball bearing only [c_ir]")]
     pin_tip_radius: Annotated[float, Quantity("m", 0.0, 10.0, "sphere at a pin's tip; pinned only [r_t]")]
+    law: ContactLaw = ContactLaw.HUNT_CROSSLEY
+    damping: Annotated[float, Quantity("N s/m", 0.0, 1e7, "of the contact; law kelvin-voigt only [c]")] = 0.0
+    static_friction: Annotated[
+        float, Quantity("1", 0.0, 2.0, "coefficient at rest; below `friction`: as in sliding [mu_s]")
+    ] = 0.0
+    stribeck_speed: Annotated[
+        float, Quantity("m/s", 1e-4, 10.0, "slip that halves what static friction adds [v_s]")
+    ] = 0.05
+    pin_count: Annotated[int, Quantity("1", 3, MOST_PINS, "pins, evenly around the shaft; pinned only")] = 4
+    pin_angle_deg: Annotated[
+        float, Quantity("deg", -360.0, 360.0, "of the first pin, from +x towards +y; pinned only")
+    ] = 45.0
+    pin_length: Annotated[float, Quantity("m", 0.0, 1.0, "from a pin's tip to the casing; pinned only")] = (
+        2e-3
+    )
+    worn_pin: Annotated[int, Quantity("1", 0, MOST_PINS, "number of a shorter pin, from 1 on; 0: none")] = 0
+    pin_wear: Annotated[float, Quantity("m", -0.01, 0.01, "what the worn pin's gap is wider by")] = 0.0
+    pin_x: Annotated[float, Derived("direction of the first pin")] = HALF_ROOT
+    pin_y: Annotated[float, Derived("likewise")] = HALF_ROOT
+    pin_turn_x: Annotated[float, Derived("cosine of the angle between neighbouring pins")] = 0.0
+    pin_turn_y: Annotated[float, Derived("sine of it")] = 1.0
 
 
 class Housing(NamedTuple):
@@ -153,6 +194,6 @@ def model_from_mapping(tables: Mapping[str, Mapping[str, Any]], parent: str = ""
     parts = {}
     for name, part in get_type_hints(Model).items():
         if name not in tables:
-            raise RigError(f"table [{prefix}{name}] is missing; it holds: {', '.join(part._fields)}")
+            raise RigError(f"table [{prefix}{name}] is missing; it holds: {', '.join(keys_of(part))}")
         parts[name] = tuple_at(part, tables[name], f"[{prefix}{name}]")
     return Model(**parts)

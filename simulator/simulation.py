@@ -1,22 +1,36 @@
 """A rig that runs in simulated time: set its speed, hit it, and read the truth sample by sample."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from simulator.contact import LATCHED, LOWEST_CLOSING_SPEED, MOST_CANDIDATES
+from simulator.contact import MOST_CANDIDATES
 from simulator.drive import set_point
 from simulator.equilibrium import static_state
-from simulator.rig import BearingKind, Model, RigError, Solenoid
+from simulator.faults import Fault, damaged, schedule
+from simulator.flight import no_flight
+from simulator.law import constant_factor
+from simulator.numeric import direction
+from simulator.rig import (
+    BackupBearing,
+    BearingKind,
+    ContactLaw,
+    DampingMode,
+    Model,
+    RigError,
+    Solenoid,
+)
 from simulator.solenoid import PULSE_FIELDS, pulse_row
 from simulator.state import SIGNALS, STATE, TRUTH
 from simulator.stepping import run
 from simulator.tick import tick_of
+from simulator.validation import written
 
 __all__ = ["SIGNALS", "STATE", "TRUTH", "Simulation", "SimulationError", "signals_for"]
 
-
-CHOICES = ("kind", "damping_mode", "mode")
+LEAST_RESTITUTION = 0.01  # some laws divide by it
+WHOLE_NUMBERS = ("kind", "law", "damping_mode", "mode", "pin_count", "worn_pin")
 
 
 class SimulationError(RuntimeError):
@@ -27,16 +41,22 @@ class Simulation:
     """The rig in simulated time; sample n is the state at n / rate seconds.
 
     `model` holds the rig's parameters, `rate` the samples a second, `state` (12,) the state at sample 0 in
-    the order of `STATE`; without one the shaft hangs still at its static equilibrium. Equal calls at equal
-    samples give equal bytes, however `advance` is divided. Raises `RigError` for a model that cannot be
-    simulated.
+    the order of `STATE`; without one the shaft hangs still at its static equilibrium. `faults` are those of
+    the rig, each of which changes the model at its sample. Equal calls at equal samples give equal bytes,
+    however `advance` is divided. Raises `RigError` for a model that cannot be simulated.
 
     Attributes: `sample`, the index of the next sample; `state` (12,), the state at that sample;
-    `damping_factors` (4,), s/m, of the contact's candidates, which with `state` makes a complete snapshot;
+    `damping_factors` (8,), s/m, of the contact's candidates, which with `state` makes a complete snapshot;
     `beyond_pins`, whether the shaft has been behind the pins, where the model has no wall.
     """
 
-    def __init__(self, model: Model, rate: float = 25000.0, state: np.ndarray | None = None):
+    def __init__(
+        self,
+        model: Model,
+        rate: float = 25000.0,
+        state: np.ndarray | None = None,
+        faults: Sequence[Fault] = (),
+    ):
         self.model = checked(model)
         self.rate = positive(rate, "rate", "samples a second")
         self.tick = tick_of(self.model, 1.0 / self.rate)
@@ -46,6 +66,8 @@ class Simulation:
         self.state = static_state(self.model) if state is None else checked_state(state)
         self._ramp = np.array([self.state[10], self.state[10], 1.0, 0.0])
         self._pulses = np.empty((0, PULSE_FIELDS))
+        self._flight = no_flight()
+        self._faults = schedule(faults, self.rate)
 
     def advance(self, truth: np.ndarray) -> None:
         """Fill `truth` (17, n), float64, C-contiguous, with the next n samples, and step n ticks.
@@ -60,20 +82,22 @@ class Simulation:
             )
         if truth.dtype != np.float64 or not truth.flags.c_contiguous:
             raise ValueError("truth must be a C-contiguous array of float64; copy the part into one")
-        done, lost = run(
-            self.model,
-            self.tick,
-            self._ramp,
-            self._pulses,
-            self.sample,
-            self.state,
-            self.damping_factors,
-            truth,
-        )
-        self.sample += done
-        self.beyond_pins = self.beyond_pins or lost
-        if done < truth.shape[1]:
-            raise SimulationError(self._cause())
+        column, count = 0, truth.shape[1]
+        while column < count:
+            self._perform_faults()
+            end = count
+            if self._faults:
+                end = min(end, column + self._faults[0][0] - self.sample)
+            self._run(truth, column, end)
+            column = end
+
+    def change(self, model: Model) -> None:
+        """Go on with another model of the rig from the next sample on. Raises `RigError`."""
+        self.model = checked(model)
+        self.tick = tick_of(self.model, 1.0 / self.rate)
+        self._flight = no_flight()
+        if self.model.backup_bearing.damping_mode != DampingMode.LATCHED:
+            self.damping_factors[:] = first_damping_factors(self.model)
 
     def set_speed(self, speed: float, ramp: float) -> None:
         """Move the speed's set-point from where it is to `speed` (rad/s) at `ramp` (rad/s2, positive)."""
@@ -94,6 +118,31 @@ class Simulation:
     def release(self) -> None:
         """Switch all solenoids off now, pulses that have begun included."""
         self._pulses = np.empty((0, PULSE_FIELDS))
+
+    def _perform_faults(self) -> None:
+        """Let the faults happen whose sample has come."""
+        while self._faults and self._faults[0][0] <= self.sample:
+            self.change(damaged(self.model, self._faults.pop(0)[1]))
+
+    def _run(self, truth: np.ndarray, begin: int, end: int) -> None:
+        """Fill the columns from `begin` to `end`."""
+        done, lost = run(
+            self.model,
+            self.tick,
+            self._ramp,
+            self._pulses,
+            self._flight,
+            self.sample,
+            self.state,
+            self.damping_factors,
+            truth,
+            begin,
+            end,
+        )
+        self.sample += done
+        self.beyond_pins = self.beyond_pins or lost
+        if done < end - begin:
+            raise SimulationError(self._cause())
 
     def _cause(self) -> str:
         """Describe the divergence."""
@@ -117,13 +166,43 @@ def checked(model: Model) -> Model:
             f"[backup_bearing] ring_inertia = {bearing.ring_inertia:g} kg m2 must be above 0 for a ball "
             'bearing; give its inertia, or set kind = "plain" for a ring that does not spin'
         )
-    return Model(*(plain(part) for part in model))
+    check_law(bearing)
+    return Model(*(plain(part) for part in model._replace(backup_bearing=with_pins(bearing))))
+
+
+def check_law(bearing: BackupBearing) -> None:
+    """Refuse a contact law without what it needs. Raises `RigError`."""
+    law = ContactLaw(bearing.law)
+    if law not in (ContactLaw.LANKARANI_NIKRAVESH, ContactLaw.FLORES, ContactLaw.GONTHIER):
+        return
+    if bearing.damping_mode != DampingMode.LATCHED:
+        raise RigError(
+            f'[backup_bearing] damping_mode = "fixed" does not go with law = "{written(law)}", whose damping '
+            'comes from restitution and closing speed; set damping_mode = "latched"'
+        )
+    if law != ContactLaw.LANKARANI_NIKRAVESH and bearing.restitution < LEAST_RESTITUTION:
+        raise RigError(
+            f"[backup_bearing] restitution = {bearing.restitution:g} is below {LEAST_RESTITUTION:g}, "
+            f'where law = "{written(law)}" has no finite damping; give a larger one'
+        )
+
+
+def with_pins(bearing: BackupBearing) -> BackupBearing:
+    """Return the bearing with its pins' directions worked out. Raises `RigError`."""
+    if bearing.worn_pin > bearing.pin_count:
+        raise RigError(
+            f"[backup_bearing] worn_pin = {bearing.worn_pin} is not one of the pin_count = "
+            f"{bearing.pin_count} pins; they count from 1, and 0 means none"
+        )
+    x, y = direction(bearing.pin_angle_deg)
+    turn_x, turn_y = direction(360.0 / bearing.pin_count)
+    return bearing._replace(pin_x=x, pin_y=y, pin_turn_x=turn_x, pin_turn_y=turn_y)
 
 
 def plain(part: Any) -> Any:
-    """Return a table of the model with its choices as int and its numbers as float: one type for kernels."""
+    """Return a table of the model with its choices and numbers of things as int and all else as float."""
     pairs = zip(part._fields, part, strict=True)
-    return type(part)(*(int(value) if name in CHOICES else float(value) for name, value in pairs))
+    return type(part)(*(int(value) if name in WHOLE_NUMBERS else float(value) for name, value in pairs))
 
 
 def checked_state(state: np.ndarray) -> np.ndarray:
@@ -135,11 +214,8 @@ def checked_state(state: np.ndarray) -> np.ndarray:
 
 
 def first_damping_factors(model: Model) -> np.ndarray:
-    """Return the damping factors (4,), s/m, with which a simulation begins."""
-    bearing = model.backup_bearing
-    slowest = (1.0 - bearing.restitution) / LOWEST_CLOSING_SPEED
-    factor = slowest if bearing.damping_mode == LATCHED else bearing.damping_factor
-    return np.full(MOST_CANDIDATES, factor)
+    """Return the damping factors (8,), s/m, with which a simulation begins."""
+    return np.full(MOST_CANDIDATES, constant_factor(model.backup_bearing))
 
 
 def positive(value: float, name: str, unit: str) -> float:

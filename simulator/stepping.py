@@ -6,6 +6,7 @@ from simulator.compile import inlined, kernel
 from simulator.contact import Contact, beyond_pins, contact_force, latch, penetration
 from simulator.drive import IDEAL, motor_torque, next_integral, set_point
 from simulator.dynamics import Tick, collide, contact_substeps, flight_substeps, fly, may_touch, settle
+from simulator.flight import Flight, glide, steady
 from simulator.rig import Model
 from simulator.solenoid import pulse_in_tick, solenoid_force, solenoid_moment
 from simulator.state import Inputs, State
@@ -20,29 +21,40 @@ def run(
     tick: Tick,
     ramp: np.ndarray,
     pulses: np.ndarray,
+    flight: Flight,
     sample: int,
     values: np.ndarray,
     damping_factors: np.ndarray,
     truth: np.ndarray,
+    begin: int,
+    end: int,
 ) -> tuple[int, bool]:
-    """Fill `truth` (17, n) from `sample` on and step n ticks; return how many were good, and "behind pins".
+    """Fill the columns `begin` to `end` of `truth` (17, n), the first being `sample`, and step as often.
 
-    `values` (12,) and `damping_factors` (4,) hold the state and are brought up to date. A count below n
-    means that the state after that many ticks is no number any more, or out of all proportion.
+    Return how many ticks were good, and whether the shaft was behind the pins.
+    `values` (12,) and `damping_factors` (8,) hold the state and are brought up to date. A count below
+    the columns' means that the state after that many ticks is no number any more, or out of all proportion.
     """
     state = unpacked(values)
     lost = False
-    for column in range(truth.shape[1]):
+    sample -= begin
+    column = begin
+    while column < end:
         depth = penetration(model, state)
         touching = may_touch(model, tick, state, depth)
-        record(model, tick, ramp, pulses, sample + column, damping_factors, state, depth, truth, column)
-        state = step(model, tick, ramp, pulses, sample + column, damping_factors, touching, state)
+        if not touching and steady(model, tick, ramp, pulses, sample + column, state.speed):
+            column, state = glide(model, tick, flight, sample + column, state, truth, column, end)
+        else:
+            flight.anchor[0] = -1.0
+            record(model, tick, ramp, pulses, sample + column, damping_factors, state, depth, truth, column)
+            state = step(model, tick, ramp, pulses, sample + column, damping_factors, touching, state)
+            column += 1
         lost = lost or beyond_pins(model, state)
         if not sound(state):
             pack(state, values)
-            return column, lost
+            return column - begin - 1, lost
     pack(state, values)
-    return truth.shape[1], lost
+    return end - begin, lost
 
 
 @inlined

@@ -1,18 +1,22 @@
 """Constants of a model at one length of tick, computed once."""
 
-from math import ceil, sqrt
+from math import ceil, sqrt, tau
 
-from simulator.dynamics import HOUSE_TURN, SHORTEST_SUBSTEP, Tick
-from simulator.rig import BearingKind, DriveMode, Model
+from simulator.dynamics import DECAY_TURN, HOUSE_TURN, SHORTEST_SUBSTEP, Tick
+from simulator.law import normal_stiffness
+from simulator.rig import BearingKind, DriveMode, Model, RigError
 
 Matrix = tuple[float, float, float, float]
 
 TAYLOR_TERMS = 18  # of an exponential whose argument is at most 1/2: below 1e-20
+LIGHT_DEPTH = 1e-5  # m, a light contact's
+MOST_CONTACT_TURN = 0.5  # rad of the contact's own frequency in the shortest substep
 LEAST_SUBSTEPS = 2  # of a tick with contact
 
 
 def tick_of(model: Model, length: float) -> Tick:
-    """Return the constants of `model` for ticks of `length` seconds."""
+    """Return the constants of `model` for ticks of `length` seconds. Raises `RigError`: see `check_steps`."""
+    check_steps(model)
     house, bearing, rotor = model.housing, model.backup_bearing, model.rotor
     both = house.inner_mass + house.outer_mass
     spring = 2.0 * house.transducer_stiffness
@@ -34,6 +38,27 @@ def tick_of(model: Model, length: float) -> Tick:
         least_substeps=float(least),
         most_substeps=float(max(least, ceil(length / SHORTEST_SUBSTEP))),
     )
+
+
+def check_steps(model: Model) -> None:
+    """Refuse a contact that the shortest substep cannot follow, however light it is. Raises `RigError`."""
+    bearing = model.backup_bearing
+    frequency = sqrt(normal_stiffness(bearing, LIGHT_DEPTH) * approach(model))
+    if frequency * SHORTEST_SUBSTEP > MOST_CONTACT_TURN:
+        raise RigError(
+            f"[backup_bearing] stiffness = {bearing.stiffness:g} makes the contact swing at "
+            f"{frequency / tau / 1e3:.0f} kHz, which steps of {SHORTEST_SUBSTEP * 1e6:g} us cannot follow; "
+            "check its unit, which depends on the law"
+        )
+    weight = model.rotor.mass * max(model.rotor.gravity, 1.0)
+    coefficient = max(bearing.friction, bearing.static_friction)
+    decay = coefficient * weight / bearing.slip_speed * (approach(model) + spin_mobility(model))
+    if decay * SHORTEST_SUBSTEP > DECAY_TURN:
+        raise RigError(
+            f"[backup_bearing] slip_speed = {bearing.slip_speed:g} m/s makes friction stop the slip within "
+            f"{1e6 / decay:.2g} us, which steps of {SHORTEST_SUBSTEP * 1e6:g} us cannot follow; give more, "
+            "or check the inertia of ring and motor"
+        )
 
 
 def approach(model: Model) -> float:

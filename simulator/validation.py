@@ -5,7 +5,9 @@ A field's annotation says what it may hold:
 - `Annotated[float, Quantity(...)]`, or `int`: a number in a closed range, with unit and meaning;
 - `Annotated[tuple[float, float], Quantity(...)]`: the lower and the upper end of a range;
 - `Annotated[str, Pattern(...)]`: a text of a given form; `str`: any text that is not empty;
-- `bool`, `datetime.date`, `Literal["a", "b"]`, or an `IntEnum`, which is written as its lower-case name.
+- `Annotated[..., Derived(...)]`: nothing, since it is computed from the others;
+- `bool`, `datetime.date`, `Literal["a", "b"]`, or an `IntEnum`, which is written as its lower-case name
+  with hyphens.
 
 A field with a default may be left out; `| None` is for fields that have no value then.
 """
@@ -40,6 +42,12 @@ class Pattern(NamedTuple):
     meaning: str
 
 
+class Derived(NamedTuple):
+    """Marks a field that is computed from others and stands in no file; it needs a default."""
+
+    meaning: str
+
+
 NAME = Annotated[str, Pattern(r"[A-Za-z][A-Za-z0-9_-]*", "a name: a letter, then letters, digits, _ and -")]
 
 
@@ -52,7 +60,7 @@ def tuple_at(kind: type, table: Mapping[str, Any], place: str) -> Any:
     """Do as `tuple_from_mapping`; `place` is how messages name the table. Raises `RigError`."""
     if not isinstance(table, Mapping):
         raise RigError(f"{place} must be a table, not {table!r}")
-    hints = get_type_hints(kind, include_extras=True)
+    hints = keys_of(kind)
     for key in table:
         if key not in hints:
             raise RigError(f"{place} {key} is not a key of this table{nearest(key, hints)}")
@@ -60,6 +68,16 @@ def tuple_at(kind: type, table: Mapping[str, Any], place: str) -> Any:
         if key not in table and key not in kind._field_defaults:  # type: ignore[attr-defined]
             raise RigError(f"{place} lacks {describe(key, hint)}")
     return kind(**{key: value_of(hints[key], value, f"{place} {key}") for key, value in table.items()})
+
+
+def keys_of(kind: type) -> dict[str, Any]:
+    """Return the annotations of the fields that a rig description may hold."""
+    hints = get_type_hints(kind, include_extras=True)
+    return {
+        key: hint
+        for key, hint in hints.items()
+        if not any(isinstance(part, Derived) for part in get_args(hint))
+    }
 
 
 def value_of(hint: Any, value: Any, place: str) -> Any:
@@ -138,9 +156,14 @@ def interval(value: Any, quantity: Quantity, place: str) -> tuple[float, float]:
 
 
 def choice(value: Any, kind: type[IntEnum], place: str) -> int:
-    """Return the enumeration's number for its lower-case name. Raises `RigError`."""
-    names = {member.name.lower(): int(member) for member in kind}
+    """Return the enumeration's number for its written name. Raises `RigError`."""
+    names = {written(member): int(member) for member in kind}
     return names[_one_of(value, names, place)]
+
+
+def written(member: IntEnum) -> str:
+    """Return how a choice is written in a rig description."""
+    return member.name.lower().replace("_", "-")
 
 
 def nearest(key: str, known: Iterable[str], title: str = "its keys are") -> str:
@@ -161,7 +184,7 @@ def describe(key: str, hint: Any) -> str:
     if get_origin(hint) is Literal:
         return f"{key}: one of {', '.join(map(str, get_args(hint)))}"
     if isinstance(hint, type) and issubclass(hint, IntEnum):
-        return f"{key}: one of {', '.join(member.name.lower() for member in hint)}"
+        return f"{key}: one of {', '.join(map(written, hint))}"
     return key
 
 

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from analysis.regime import Regime
 from daq.rig import Rig
+from simulator.clearance import bearing_edge
 from twin.display_data import MICRO, Contact, Curve, Frame, Orbit, Scene
-from twin.display_geometry import bearing_edge, ruler, view_radius
+from twin.display_geometry import ruler, view_radius
 from twin.viewer import HOST, refuse_taken, wait_until_served
 
 SERVER_MEMORY = "256MB"  # kept for viewers that come late: about twenty minutes of a run

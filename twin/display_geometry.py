@@ -8,10 +8,8 @@ from numpy.typing import NDArray
 
 from daq.guard import Plane, displacement_planes, force_planes
 from daq.rig import Rig
-from simulator.rig import BackupBearing, BearingKind, Model
+from simulator.clearance import bearing_edge
 
-CIRCLE_POINTS = 181
-ARC_POINTS = 61
 RULER_DIVISIONS = 3  # marks on each half axis of the orbit view, about
 
 Points = NDArray[np.float64]
@@ -48,40 +46,6 @@ def sensors_of(rig: Rig) -> Sensors:
 def project(samples: NDArray[np.float32], plane: Plane) -> Points:
     """Return the vector (2, n) that sensors measure, from samples (n_channels, n)."""
     return (plane.weights @ samples[plane.rows]).astype(np.float64)
-
-
-def bearing_edge(model: Model) -> list[Points]:
-    """Return the edge of what the shaft's centre can reach without contact: polylines (n, 2) in m.
-
-    A ball or plain bearing has one circle. A pinned bearing has one arc for each of its four pins; they
-    meet in cusps on the axes, or leave the axes open when the pins are too far apart.
-    """
-    bearing = model.backup_bearing
-    if bearing.kind != BearingKind.PINNED:
-        return [circle(bearing.clearance)]
-    return [pin_arc(bearing, model.rotor.shaft_radius, number) for number in range(4)]
-
-
-def circle(radius: float) -> Points:
-    """Return a closed circle about the origin, shape (n, 2)."""
-    angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS)
-    return radius * np.column_stack((np.cos(angle), np.sin(angle)))
-
-
-def pin_arc(bearing: BackupBearing, shaft_radius: float, number: int) -> Points:
-    """Return where the shaft's centre is when the shaft touches one pin, shape (n, 2) in m.
-
-    Seen from the bearing's centre, the point at an angle a from the pin's axis is at D cos a -
-    sqrt(R^2 - D^2 sin^2 a), with R the shaft's and the tip's radius together and D = R + gap.
-    """
-    reach = shaft_radius + bearing.pin_tip_radius
-    distance = reach + bearing.clearance
-    widest = min(np.pi / 4, np.arcsin(min(1.0, reach / distance)))
-    from_axis = np.linspace(-widest, widest, ARC_POINTS)
-    inside = np.maximum(reach**2 - (distance * np.sin(from_axis)) ** 2, 0.0)
-    radius = distance * np.cos(from_axis) - np.sqrt(inside)
-    angle = from_axis + np.pi / 4 + number * np.pi / 2
-    return radius[:, np.newaxis] * np.column_stack((np.cos(angle), np.sin(angle)))
 
 
 def view_radius(rig: Rig) -> float:

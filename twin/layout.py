@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from simulator.contact import MOST_CANDIDATES
+
 # Indices into the state vector; each but RING is the first of a pair along x and y.
 TILT = 0  # rad
 TILT_RATE = 2  # rad/s
@@ -39,7 +41,7 @@ class Memory(NamedTuple):
     state: np.ndarray  # (SIZE,)
     covariance: np.ndarray  # (SIZE, SIZE)
     shaft: np.ndarray  # (3,) angle, speed, acceleration of the encoder's loop
-    damping_factors: np.ndarray  # (4,) s/m of the contact's candidates
+    damping_factors: np.ndarray  # (8,) s/m of the contact's candidates
     free_flow: np.ndarray  # (DYNAMIC, DYNAMIC + INPUTS) one tick of free flight
     free_speed: np.ndarray  # (1,) rad/s for which free_flow holds; NaN: not yet built
     flow: np.ndarray  # (DYNAMIC, DYNAMIC + INPUTS) this tick
@@ -60,7 +62,7 @@ def new_memory() -> Memory:
         state=np.zeros(SIZE),
         covariance=np.zeros((SIZE, SIZE)),
         shaft=np.zeros(3),
-        damping_factors=np.zeros(4),
+        damping_factors=np.zeros(MOST_CANDIDATES),
         free_flow=np.zeros((DYNAMIC, wide)),
         free_speed=np.full(1, np.nan),
         flow=np.zeros((DYNAMIC, wide)),

@@ -19,7 +19,9 @@ from daq.backend import (
 )
 from daq.messages import BlockStatus
 from daq.rig import Rig
-from simulator.sensors import read_sensors, sensor_table
+from simulator.faults import of_sensor
+from simulator.readings import Readings
+from simulator.sensors import sensor_table
 from simulator.simulation import Simulation, SimulationError
 from simulator.state import SIGNALS, TRUTH
 
@@ -88,22 +90,22 @@ class Emulator:
             allowed = f"{RATES[0]:g} to {RATES[1]:g} Hz"
             raise BackendError(f"the emulator samples with {allowed}, not {rig.acquisition.rate:g} Hz")
         self._rig = rig
-        self._seed = rig.emulator.seed
         force_per_ampere = rig.solenoids[0].force_per_ampere if rig.solenoids else 1.0
-        self._sensors = sensor_table(
+        self._table = sensor_table(
             rig.channels, rig.emulated_model, rig.encoder, force_per_ampere, rig.emulator
         )
         self._solenoids = {solenoid.name: solenoid for solenoid in rig.solenoids}
         self._latency = max(1, round(rig.emulator.latency * rig.acquisition.rate))
         self._buffer = max(1, round(rig.emulator.buffer * rig.acquisition.rate))
         self._warm_up(rig)
-        self._fresh = Simulation(rig.emulated_model, rig.acquisition.rate)
+        self._fresh = simulation_of(rig)
 
     def start(self) -> None:
         """Begin at sample 0 with the shaft hanging still."""
         rig = self._opened()
-        self._simulation = self._fresh or Simulation(rig.emulated_model, rig.acquisition.rate)
+        self._simulation = self._fresh or simulation_of(rig)
         self._fresh = None
+        self._readings = self._sensors(rig)
         self._pending.clear()
         self._next = 0
         self._stopped_at = None
@@ -132,7 +134,7 @@ class Emulator:
         self._last = self._signals.columns(count)
         if count:
             self._simulate(simulation, self._last)
-            if read_sensors(self._sensors, self._last, first, self._seed, out):
+            if self._readings.read(self._last, first, out):
                 flags |= CLIPPED
             self._next += count
         return Reading(first, count, flags)
@@ -211,8 +213,15 @@ class Emulator:
         """Go on to sample `until` without keeping what is on the way."""
         while self._next < until:
             count = min(CHUNK, until - self._next)
-            self._simulate(simulation, self._signals.columns(count))
+            signals = self._signals.columns(count)
+            self._simulate(simulation, signals)
+            self._readings.miss(signals, self._next)
             self._next += count
+
+    def _sensors(self, rig: Rig) -> Readings:
+        """Return the rig's sensors before the first sample, with their faults."""
+        faults = [fault for fault in rig.faults if of_sensor(fault)]
+        return Readings(rig.channels, self._table, faults, rig.acquisition.rate, rig.emulator.seed)
 
     def _warm_up(self, rig: Rig) -> None:
         """Run everything once, so that what is compiled on its first call is compiled now."""
@@ -222,7 +231,7 @@ class Emulator:
             simulation.hit(solenoid, 0.0, solenoid.max_duration)
         signals = self._signals.columns(2)
         _advance(simulation, signals)
-        read_sensors(self._sensors, signals, 0, self._seed, np.empty((len(rig.channels), 2)))
+        self._sensors(rig).read(signals, 0, np.empty((len(rig.channels), 2)))
 
 
 class Scratch:
@@ -238,6 +247,12 @@ class Scratch:
         if size > len(self._memory):
             self._memory = np.empty(size)
         return self._memory[:size].reshape(self._n_rows, count)
+
+
+def simulation_of(rig: Rig) -> Simulation:
+    """Return the emulated rig at sample 0, with the faults that it will have."""
+    faults = [fault for fault in rig.faults if not of_sensor(fault)]
+    return Simulation(rig.emulated_model, rig.acquisition.rate, faults=faults)
 
 
 def _advance(simulation: Simulation, signals: NDArray[np.float64]) -> None:

@@ -3,10 +3,10 @@
 import re
 from enum import IntEnum
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from docs.generate.markdown import capital, listed, summary, symbols_as_code, table, wrapped
-from simulator.validation import Quantity
+from simulator.validation import Quantity, keys_of, written
 
 HEAD = ("key", "unit", "allowed", "default", "meaning")
 
@@ -23,7 +23,7 @@ def key_table(kind: type, meanings: dict[str, str]) -> str:
     `meanings` adds to what an annotation says, and says it where there is none. Raises KeyError for a
     meaning of a key that does not exist, ValueError for a key without any meaning.
     """
-    hints = get_type_hints(kind, include_extras=True)
+    hints = keys_of(kind)
     for key in meanings:
         hints[key]
     return table(HEAD, [_row(kind, key, hint, meanings.get(key, "")) for key, hint in hints.items()])
@@ -43,6 +43,10 @@ def _default(kind: Any, key: str) -> str:
     value = kind._field_defaults[key]
     if value is None:
         return "none"
+    if isinstance(value, IntEnum):
+        return f"`{written(value)}`"
+    if value == "":
+        return "none"
     return f"`{str(value).lower() if isinstance(value, bool) else value}`"
 
 
@@ -57,7 +61,7 @@ def _rule(hint: Any) -> tuple[str, str, str]:
     if get_origin(bare) is Literal:
         return "", listed([str(choice) for choice in get_args(bare)]), ""
     if issubclass(bare, IntEnum):
-        return "", listed([member.name.lower() for member in bare]), ""
+        return "", listed([written(member) for member in bare]), ""
     return "", {str: "text", bool: "`true` or `false`"}.get(bare, bare.__name__), ""
 
 

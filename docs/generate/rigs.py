@@ -5,6 +5,7 @@ from daq.channels import QUANTITIES, Channel
 from daq.rig import Head, load_rig, shipped_rigs
 from docs.generate.fields import section
 from docs.generate.markdown import table
+from simulator import faults, unbalance
 from simulator import rig as model
 
 REASON = {"reason": "why the levels are what they are; for whoever wants to change them"}
@@ -19,8 +20,17 @@ HOUSE = {
     "vertical_damping": "of each of the two vertical transducers",
 }
 BEARING = {
-    "kind": "a ring that can turn, a fixed wall, or four pins on the diagonals",
-    "damping_mode": "whether `damping_factor` is used as it is, or found anew at each impact",
+    "kind": "a ring that can turn, a fixed wall, or pins around the shaft",
+    "law": "normal force of the contact; formulas and sources are in `simulator/law.py`",
+    "damping_mode": "whether `damping_factor` is used, or one found from `restitution` at each impact",
+}
+FAULT = {
+    "kind": "what goes wrong, to the end of the run: first a sensor's faults, then the rig's",
+    "size": "of a gain the factor; of drift (a second), runout (once a turn) and noise (rms) in the "
+    "channel's SI unit; of a skew in samples; of an unbalance in kg m; of a pin's or the clearance's "
+    "change in m:",
+    "channel": "the sensor's, for its faults;",
+    "name": "for `--set` and for rows of a base;",
 }
 CHANNEL = {
     "name": "unique;",
@@ -47,6 +57,7 @@ TABLES: tuple[tuple[type, str, dict[str, str]], ...] = (
         },
     ),
     (model.Rotor, "`[rotor]`", PLACES),
+    (unbalance.UnbalanceMass, "`[[unbalance_mass]]`", {"name": "for `--set` and for rows of a base;"}),
     (model.MagneticBearing, "`[magnetic_bearing]`", {"stiffness": "radial", "damping": "radial"}),
     (model.BackupBearing, "`[backup_bearing]`", BEARING),
     (model.Housing, "`[housing]`", HOUSE),
@@ -94,6 +105,7 @@ TABLES: tuple[tuple[type, str, dict[str, str]], ...] = (
         },
     ),
     (settings.EmulatorSettings, "`[emulator]`", {}),
+    (faults.Fault, "`[[emulator.fault]]`", FAULT),
 )
 
 

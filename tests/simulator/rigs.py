@@ -45,3 +45,22 @@ def hanging(model: Model, hz: float) -> np.ndarray:
     values = Simulation(model).state
     values[STATE.index("speed")] = tau * hz
     return values
+
+
+def rebound(model, speed: float) -> float:
+    """Throw the shaft at a rigid wall at `speed` (m/s) and return the coefficient of restitution."""
+    rigid = changed(
+        model,
+        rotor={"gravity": 0.0, "coupling_force": 0.0, "unbalance": 0.0},
+        magnetic_bearing={"stiffness": 0.0, "damping": 0.0},
+        housing={"inner_mass": 1e6, "outer_mass": 1e6, "transducer_stiffness": 1e12},
+        backup_bearing={"friction": 0.0},
+    )
+    start = state(tilt_x=1.4e-3 / 0.211, tilt_rate_x=speed / 0.211)
+    found = signals(Simulation(rigid, state=start), 0.04)
+    closed = found[14] > 0.0
+    first = np.argmax(closed)
+    assert closed[first]
+    opened = first + np.argmin(closed[first:])
+    assert not closed[opened]
+    return -found[2, opened] * 0.211 / speed

@@ -6,16 +6,13 @@ import pytest
 from simulator.contact import (
     beyond_pins,
     contact_force,
-    friction,
     latch,
-    normal_force,
-    normal_stiffness,
     penetration,
     wall,
 )
-from simulator.simulation import Simulation
+from simulator.law import friction, normal_force, normal_stiffness
 from simulator.state import State
-from tests.simulator.rigs import changed, ideal, model_of, signals, state
+from tests.simulator.rigs import changed, ideal, model_of, rebound, state
 
 DIRECTIONS = np.linspace(0.0, 2.0 * pi, 25)
 
@@ -154,25 +151,6 @@ def test_latched_damping_is_that_of_the_closing():
     assert factors[0] == pytest.approx(0.29 / 0.1)  # closed: held
     latch(model, state_at(1.4e-3, 0.0, model, tilt_rate_x=-0.1 / 0.211), factors)
     assert factors[0] == pytest.approx(0.29 / 0.01)  # opening: the lowest speed counts
-
-
-def rebound(model, speed: float) -> float:
-    """Throw the shaft at a rigid wall at `speed` (m/s) and return the coefficient of restitution."""
-    rigid = changed(
-        model,
-        rotor={"gravity": 0.0, "coupling_force": 0.0, "unbalance": 0.0},
-        magnetic_bearing={"stiffness": 0.0, "damping": 0.0},
-        housing={"inner_mass": 1e6, "outer_mass": 1e6, "transducer_stiffness": 1e12},
-        backup_bearing={"friction": 0.0},
-    )
-    start = state(tilt_x=1.4e-3 / 0.211, tilt_rate_x=speed / 0.211)
-    found = signals(Simulation(rigid, state=start), 0.04)
-    closed = found[14] > 0.0
-    first = np.argmax(closed)
-    assert closed[first]
-    opened = first + np.argmin(closed[first:])
-    assert not closed[opened]
-    return -found[2, opened] * 0.211 / speed
 
 
 def restitution_root(factor: float, speed: float) -> float:

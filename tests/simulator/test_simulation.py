@@ -127,6 +127,11 @@ def test_wrong_use_is_refused_in_plain_words():
     weak = changed(model, magnetic_bearing={"stiffness": 0.0}, backup_bearing={"stiffness": 1.0})
     with pytest.raises(RigError, match="carries the weight"):
         Simulation(weak)
+    stiff = changed(model, backup_bearing={"law": 2, "stiffness": 1e13})
+    with pytest.raises(RigError, match=r"stiffness = 1e\+13 makes the contact swing at \d+ kHz"):
+        Simulation(stiff)
+    with pytest.raises(RigError, match=r"slip_speed = 1e-05 m/s makes friction stop the slip within"):
+        Simulation(changed(model, backup_bearing={"slip_speed": 1e-5}))
     with pytest.raises(ValueError, match="rate = 0"):
         Simulation(model, rate=0.0)
     with pytest.raises(ValueError, match="state must hold 12 finite numbers: tilt_x"):

@@ -4,9 +4,10 @@ import pytest
 from daq import keys
 from daq.messages import Series, decode_series
 from daq.rig import Rig, load_rig
+from simulator.clearance import bearing_edge
 from tests.twin.drawn_run import SPEED_HZ, messages, motion
 from twin.display_data import BIN, Scene, Stretches, Trail, largest
-from twin.display_geometry import bearing_edge, ruler, sensors_of, view_radius
+from twin.display_geometry import ruler, sensors_of, view_radius
 
 MICRO = 1e6
 

@@ -1,0 +1,109 @@
+"""What goes wrong with the emulated rig and its sensors, and when: data, for runs that can be repeated."""
+
+from collections.abc import Sequence
+from enum import IntEnum
+from typing import Annotated, NamedTuple
+
+from simulator.rig import MOST_PINS, BackupBearing, BearingKind, Model
+from simulator.unbalance import with_unbalance
+from simulator.validation import NAME, Quantity, RigError, written
+
+
+class FaultKind(IntEnum):
+    """What goes wrong. The first are sensors' faults, which need a channel; the others are the rig's."""
+
+    GAIN = 0
+    DRIFT = 1
+    RUNOUT = 2
+    NOISE = 3
+    SKEW = 4
+    STUCK = 5
+    OPEN = 6
+    MAGNET_LOST = 7
+    UNBALANCE_STEP = 8
+    WORN_PIN = 9
+    CLEARANCE_CHANGED = 10
+
+
+class Fault(NamedTuple):
+    """A row `[[emulator.fault]]`: from a moment on, to the end of the run."""
+
+    kind: FaultKind
+    at: Annotated[float, Quantity("s", 0.0, 1e7, "when it begins, from the first sample on")]
+    size: Annotated[float | None, Quantity("1", -1e9, 1e9, "how large it is")] = None
+    channel: NAME = ""
+    angle_deg: Annotated[
+        float, Quantity("deg", -360.0, 360.0, "of the unbalance added, or of the runout's largest reading")
+    ] = 0.0
+    pin: Annotated[int, Quantity("1", 1, MOST_PINS, "number of the worn pin")] = 1
+    name: NAME = "fault"
+
+
+SIZES = {
+    FaultKind.GAIN: "the factor on what the sensor measures",
+    FaultKind.DRIFT: "the channel's SI unit a second",
+    FaultKind.RUNOUT: "the amplitude, once a turn, in the channel's SI unit",
+    FaultKind.NOISE: "rms of the noise that is added, in the channel's SI unit",
+    FaultKind.SKEW: "whole samples by which the channel lags",
+    FaultKind.UNBALANCE_STEP: "kg m",
+    FaultKind.WORN_PIN: "m by which the pin's gap grows",
+    FaultKind.CLEARANCE_CHANGED: "m by which the clearance grows",
+}
+"""What `size` means; the other kinds have none."""
+
+MOST_SKEW = 1_000_000  # samples
+
+
+def of_sensor(fault: Fault) -> bool:
+    """Tell whether a fault is a sensor's."""
+    return fault.kind <= FaultKind.OPEN
+
+
+def check_fault(fault: Fault) -> None:
+    """Refuse a fault without what its kind needs, or with what it has no use for. Raises `RigError`."""
+    place = f'[[emulator.fault]] kind = "{written(FaultKind(fault.kind))}"'
+    if of_sensor(fault) != bool(fault.channel):
+        raise RigError(f"{place} {'needs a' if of_sensor(fault) else 'has no'} channel")
+    if fault.kind in SIZES and fault.size is None:
+        raise RigError(f"{place} needs size: {SIZES[FaultKind(fault.kind)]}")
+    if fault.kind not in SIZES and fault.size is not None:
+        raise RigError(f"{place} has no size; leave it out")
+    size = fault.size or 0.0
+    if fault.kind == FaultKind.SKEW and not (0.0 <= size <= MOST_SKEW and size == int(size)):
+        raise RigError(f"{place} size = {size:g} must be a whole number of samples from 0 to {MOST_SKEW}")
+    if fault.kind in (FaultKind.NOISE, FaultKind.RUNOUT) and size < 0.0:
+        raise RigError(f"{place} size = {size:g} must not be negative")
+
+
+def schedule(faults: Sequence[Fault], rate: float) -> list[tuple[int, Fault]]:
+    """Return (sample, fault) in the order in which they come; equal samples keep the faults' order."""
+    return sorted(((round(fault.at * rate), fault) for fault in faults), key=lambda entry: entry[0])
+
+
+def damaged(model: Model, fault: Fault) -> Model:
+    """Return the model after one of the rig's faults. Raises `RigError` when it cannot have it."""
+    bearing = model.backup_bearing
+    size = fault.size or 0.0
+    if fault.kind == FaultKind.MAGNET_LOST:
+        return model._replace(magnetic_bearing=model.magnetic_bearing._replace(stiffness=0.0, damping=0.0))
+    if fault.kind == FaultKind.UNBALANCE_STEP:
+        return model._replace(rotor=with_unbalance(model.rotor, size, fault.angle_deg))
+    if fault.kind == FaultKind.WORN_PIN:
+        return model._replace(backup_bearing=worn(model, fault.pin, size))
+    clearance = bearing.clearance + size
+    if clearance <= 0.0:
+        raise RigError(
+            f"[[emulator.fault]] size = {size:g} m leaves a clearance of {clearance:g} m; it must be above 0"
+        )
+    return model._replace(backup_bearing=bearing._replace(clearance=clearance))
+
+
+def worn(model: Model, pin: int, size: float) -> BackupBearing:
+    """Return the backup bearing with one pin worn by `size` (m) more."""
+    bearing = model.backup_bearing
+    if bearing.kind != BearingKind.PINNED or pin > bearing.pin_count:
+        raise RigError(
+            f'[[emulator.fault]] pin = {pin} is no pin of the bearing: "worn-pin" needs a pinned one'
+        )
+    before = bearing.pin_wear if bearing.worn_pin == pin else 0.0
+    return bearing._replace(worn_pin=pin, pin_wear=before + size)

@@ -1,0 +1,184 @@
+"""The sensors of a simulated rig with what goes wrong with them: the same bytes however they are read."""
+
+from collections.abc import Iterable, Sequence
+from math import radians, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulator.compile import kernel
+from simulator.faults import Fault, FaultKind, schedule
+from simulator.instruments import Probe
+from simulator.numeric import sine_cosine
+from simulator.rig import RigError
+from simulator.sensors import ROWS, VOLTS, SensorTable, read_sensors
+from simulator.validation import nearest, written
+
+Signals = NDArray[np.float64]
+
+ANGLE = ROWS["angle"]
+COUNTERS_MAY = (FaultKind.SKEW, FaultKind.STUCK)
+
+
+class Readings:
+    """Turns true signals into raw readings, sample after sample, with the sensors' faults.
+
+    `channels` and `table` describe the same channels in the same order; `faults` are those of sensors,
+    `rate` is samples a second. Without faults it is `read_sensors`. Raises `RigError` for a fault of a
+    channel that cannot have it.
+    """
+
+    def __init__(
+        self, channels: Iterable[Probe], table: SensorTable, faults: Sequence[Fault], rate: float, seed: int
+    ) -> None:
+        self.channels = list(channels)
+        self.table = table
+        self.rate = rate
+        self.seed = seed
+        names = [channel.name for channel in self.channels]
+        self._rows = [row_of(fault, names, table) for _, fault in schedule(faults, rate)]
+        self._faults = schedule(faults, rate)
+        self._memory = sum(map(lag_of, faults))  # samples of the past that are needed
+        self._past: Signals | None = None
+        self._held: dict[int, float] = {}  # reading of a stuck channel, by fault
+
+    def read(self, signals: Signals, first_sample: int, raw: Signals) -> bool:
+        """Fill `raw` (n_channels, n) from true signals (17, n); return whether an input was clipped.
+
+        Column 0 is sample `first_sample`. With faults, samples must be read in order and without a gap.
+        """
+        if not self._faults:
+            return read_sensors(self.table, signals, first_sample, self.seed, raw)
+        count = signals.shape[1]
+        if not count:
+            return False
+        if self._past is None:
+            self._past = np.repeat(signals[:, :1], self._memory, axis=1)
+        known = np.concatenate((self._past, signals), axis=1)
+        edges = {sample - first_sample for sample, _ in self._faults if 0 < sample - first_sample < count}
+        begins = [0, *sorted(edges)]
+        clipped = False
+        for begin, end in zip(begins, [*begins[1:], count], strict=True):
+            clipped = self._part(known, begin, end, first_sample + begin, raw) or clipped
+        self._past = known[:, count:].copy()
+        return clipped
+
+    def miss(self, signals: Signals, first_sample: int) -> None:
+        """Take note of samples that nobody reads, so that the next reading follows without a gap."""
+        if self._faults:
+            self.read(signals, first_sample, np.empty((len(self.channels), signals.shape[1])))
+
+    def _part(self, known: Signals, begin: int, end: int, first_sample: int, raw: Signals) -> bool:
+        """Fill the columns from `begin` to `end`, through which the same faults act."""
+        active = [index for index, (sample, _) in enumerate(self._faults) if sample <= first_sample]
+        signals = known[:, self._memory + begin : self._memory + end]
+        table, rows = self._disturbed(known, begin, end, first_sample, active)
+        part = np.empty((len(self.channels), end - begin))
+        clipped = read_sensors(
+            table, np.ascontiguousarray(np.concatenate((signals, *rows))), first_sample, self.seed, part
+        )
+        for index in active:
+            clipped = self._replace(index, part) or clipped
+        raw[:, begin:end] = part
+        return clipped
+
+    def _disturbed(
+        self, known: Signals, begin: int, end: int, first_sample: int, active: list[int]
+    ) -> tuple[SensorTable, list[Signals]]:
+        """Return the table and the further rows of signals that stand in for what disturbed channels see."""
+        table = SensorTable(*(column.copy() for column in self.table))
+        rows: list[Signals] = []
+        for channel in dict.fromkeys(self._rows[index] for index in active):
+            faults = [self._faults[index] for index in active if self._rows[index] == channel]
+            lag = sum(lag_of(fault) for _, fault in faults)
+            seen = known[:, self._memory + begin - lag : self._memory + end - lag]
+            row = len(known) + len(rows)
+            if table.kind[channel] != VOLTS:
+                table.row_a[channel] = row
+                rows.append(seen[self.table.row_a[channel]][np.newaxis])
+                continue
+            rows.append(self._volts(channel, faults, seen, known, begin, first_sample)[np.newaxis])
+            table.row_a[channel] = table.row_b[channel] = row
+            table.gain_a[channel], table.gain_b[channel], table.offset[channel] = 1.0, 0.0, 0.0
+            added = sum(
+                (self._scale(channel) * (fault.size or 0.0)) ** 2
+                for _, fault in faults
+                if fault.kind == FaultKind.NOISE
+            )
+            table.noise[channel] = sqrt(table.noise[channel] ** 2 + added)
+        return table, rows
+
+    def _volts(
+        self,
+        channel: int,
+        faults: list[tuple[int, Fault]],
+        seen: Signals,
+        known: Signals,
+        begin: int,
+        first_sample: int,
+    ) -> Signals:
+        """Return what a disturbed sensor gives, V, before noise and converter."""
+        table, count = self.table, seen.shape[1]
+        offset = table.offset[channel]
+        volts: Signals = (
+            table.gain_a[channel] * seen[table.row_a[channel]]
+            + table.gain_b[channel] * seen[table.row_b[channel]]
+            + offset
+        )
+        for onset, fault in faults:
+            size = fault.size or 0.0
+            if fault.kind == FaultKind.GAIN:
+                volts = offset + size * (volts - offset)
+            elif fault.kind == FaultKind.DRIFT:
+                ages = np.arange(first_sample - onset, first_sample - onset + count) / self.rate
+                volts = volts + self._scale(channel) * size * ages
+            elif fault.kind == FaultKind.RUNOUT:
+                angle = known[ANGLE, self._memory + begin : self._memory + begin + count]
+                turned = np.ascontiguousarray(angle) - radians(fault.angle_deg)
+                volts = volts + self._scale(channel) * size * cosines(turned)
+        return volts
+
+    def _scale(self, channel: int) -> float:
+        """Return a channel's volts per SI unit."""
+        return self.channels[channel].sensitivity
+
+    def _replace(self, index: int, part: Signals) -> bool:
+        """Put in place what no longer depends on the sensor; return whether that is out of range."""
+        fault, channel = self._faults[index][1], self._rows[index]
+        if fault.kind == FaultKind.STUCK:
+            part[channel] = self._held.setdefault(index, part[channel, 0])
+        if fault.kind == FaultKind.OPEN:
+            part[channel] = self.table.low[channel]
+            return True
+        return False
+
+
+def lag_of(fault: Fault) -> int:
+    """Return by how many samples a fault makes its channel lag."""
+    return int(fault.size or 0.0) if fault.kind == FaultKind.SKEW else 0
+
+
+def row_of(fault: Fault, names: Sequence[str], table: SensorTable) -> int:
+    """Return the number of a fault's channel. Raises `RigError`."""
+    kind = written(FaultKind(fault.kind))
+    if fault.channel not in names:
+        raise RigError(
+            f'[[emulator.fault]] kind = "{kind}" channel = "{fault.channel}" is no channel of the rig'
+            f"{nearest(fault.channel, names, 'there are')}"
+        )
+    row = names.index(fault.channel)
+    if table.kind[row] != VOLTS and fault.kind not in COUNTERS_MAY:
+        may = ", ".join(map(written, COUNTERS_MAY))
+        raise RigError(
+            f'[[emulator.fault]] kind = "{kind}" does not go with {fault.channel}, a counter; it may be {may}'
+        )
+    return row
+
+
+@kernel
+def cosines(angle: np.ndarray) -> np.ndarray:
+    """Return the cosine of each angle (rad), by arithmetic alone."""
+    found = np.empty(angle.shape[0])
+    for index in range(angle.shape[0]):
+        found[index] = sine_cosine(angle[index])[1]
+    return found
