@@ -2,12 +2,14 @@
 
 import hashlib
 import math
+import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
 PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "protobuf")
+TARGET = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")  # variables that name another processor to compile for
 
 
 def numeric_fingerprint() -> dict[str, str]:
@@ -23,6 +25,7 @@ def numeric_fingerprint() -> dict[str, str]:
         "machine": platform.machine(),
         "libc": " ".join(platform.libc_ver()),
         "features": features,
+        "target": " ".join(os.environ.get(name, "") for name in TARGET).strip() or "host",
         "functions": _functions(),
     }
 

@@ -12,6 +12,7 @@ import io
 import json
 import time
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -162,12 +163,19 @@ class RecordingWriter:
         self._mcap.add_metadata(name, {**texts, SEAL: seal(texts)})
         self._storage.mark()
 
-    def close(self, *, expected: int | None = None, clean: bool = True) -> Certificate:
+    def close(
+        self,
+        *,
+        expected: int | None = None,
+        clean: bool = True,
+        fingerprint: dict[str, str] | None = None,
+    ) -> Certificate:
         """Write the certificate and the summary, sync and close; a second call changes nothing.
 
         Args:
             expected: samples of the whole run; None: what the daq's end event told.
             clean: whether the run's end was seen.
+            fingerprint: what the estimates were made with; None: this computer's.
 
         Raises:
             RecordingError: the disk refuses, where it had not refused before.
@@ -178,6 +186,8 @@ class RecordingWriter:
         certificate = self.ledger.certificate(
             part=self.part, expected=expected, clean=clean and not failed_before
         )
+        if fingerprint is not None:
+            certificate = replace(certificate, fingerprint=fingerprint)
         self._certificate = certificate
         try:
             if not self._storage.broken:
@@ -241,6 +251,7 @@ def recover(source: str | Path, target: str | Path) -> Recovered:
             certificate = writer.close(
                 expected=stored.first_sample + stored.expected if stored else None,
                 clean=stored.clean if stored else writer.ledger.end_sample is not None,
+                fingerprint=stored.fingerprint if stored else {},
             )
     return Recovered(writer.path, certificate, damage)
 

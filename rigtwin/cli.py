@@ -19,6 +19,7 @@ COMMANDS = (
     "rigtwin.simulate_command",
     "rigtwin.replay_command",
     "rigtwin.recording_commands",
+    "rigtwin.verify_command",
     "rigtwin.doctor",
 )
 

@@ -7,6 +7,7 @@ import pytest
 
 from analysis.impacts import compare_impacts, find_impacts
 from daq.recording import Recording, RecordingError
+from replay.verify import EQUIVALENT, IDENTICAL, verify
 from tests.end_to_end.rig_process import PATIENT, Running, gone, info, rigtwin, wait_until, with_pid
 
 LOUD = 5.0  # N: impacts above this must be found
@@ -81,6 +82,7 @@ def test_killed_process_costs_no_sample(tmp_path, victim):
     found = info(path)
     assert found["gaps"] == []
     assert found["certificate"]["verdict"] == "valid"
+    assert verify(path).verdict == IDENTICAL
 
 
 def test_killed_recorder_goes_on_in_a_second_part_without_a_gap(tmp_path):
@@ -95,6 +97,7 @@ def test_killed_recorder_goes_on_in_a_second_part_without_a_gap(tmp_path):
     assert not first.gaps
     assert not second.gaps
     assert info(tmp_path / "run.part2.mcap")["certificate"]["verdict"] == "valid"
+    assert verify(path).verdict == EQUIVALENT  # part 1 has no certificate, so no fingerprint
 
 
 def test_stopped_recorder_loses_nothing(tmp_path):

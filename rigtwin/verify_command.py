@@ -1,0 +1,65 @@
+"""`rigtwin verify` and `rigtwin twin`: run the twin over a recording again, to prove or to replace."""
+
+import argparse
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add `verify` and `twin` to the command line."""
+    verify = commands.add_parser(
+        "verify",
+        help="prove that today's twin gives a recording's estimates again",
+        description="Run the twin over the recorded blocks, as it ran live, and compare with the recorded "
+        "estimates: identical, equivalent (on a computer that rounds otherwise) or different. Exit code 1: "
+        "different.",
+    )
+    verify.add_argument("file", type=Path, metavar="FILE")
+    verify.add_argument("--json", action="store_true", help="print one JSON object")
+    verify.set_defaults(run=run_verify)
+    twin = commands.add_parser(
+        "twin",
+        help="estimate anew over a recording",
+        description="Write a recording with the same samples and events, and fresh estimates of the twin "
+        "over every block in place of those that it had, if any.",
+    )
+    twin.add_argument("file", type=Path, metavar="FILE")
+    twin.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help="recording to write")
+    twin.set_defaults(run=run_twin)
+
+
+def run_verify(options: argparse.Namespace) -> int:
+    """Compare; return 1 when the answer is another one."""
+    from replay.verify import DIFFERENT, text, verify
+
+    with progress(options.file) as advance:
+        found = verify(options.file, advance)
+    print(json.dumps(found.to_json(), indent=2) if options.json else text(found))
+    return 1 if found.verdict == DIFFERENT else 0
+
+
+def run_twin(options: argparse.Namespace) -> int:
+    """Estimate anew and say what came of it."""
+    from replay.info import brief
+    from replay.rerun import estimate
+
+    with progress(options.file) as advance:
+        estimate(options.file, options.output, advance)
+    print(brief(options.output))
+    return 0
+
+
+@contextmanager
+def progress(path: Path) -> Iterator[Callable[[int], object]]:
+    """Show how far a recording has been run through, on standard error."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from replay.history import expected_end
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(path.name, total=expected_end(path))
+        yield lambda sample: bar.update(task, completed=sample)
