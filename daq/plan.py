@@ -51,8 +51,65 @@ class MarkStep(NamedTuple):
     note: str | None = None
 
 
+class Stair(NamedTuple):
+    """`do = "stair"`: speeds in equal steps, up or down, each held for a while.
+
+    It stands for a speed step and a wait for each level, both ends included. With `solenoid`, `force` and
+    `hit_duration` each wait is divided by a hit half-way.
+    """
+
+    from_hz: Annotated[float, Quantity("Hz", 0.0, 1e5, "first speed")]
+    to_hz: Annotated[float, Quantity("Hz", 0.0, 1e5, "last speed")]
+    step_hz: Annotated[float, Quantity("Hz", 1e-3, 1e5, "from level to level; it divides the whole")]
+    dwell: Annotated[float, Quantity("s", 1e-3, 1e6, "how long each speed is held")]
+    ramp_hz_per_s: Annotated[float | None, Quantity("Hz/s", 0.01, 1e5, "ramp; the rig's default if none")] = (
+        None
+    )
+    solenoid: str | None = None
+    force: Annotated[float | None, Quantity("N", 0.0, 1e7, "peak of the hit at each level")] = None
+    hit_duration: Annotated[float | None, Quantity("s", 1e-4, 1.0, "length of the hit at each level")] = None
+    note: str | None = None
+
+    def levels(self) -> list[float]:
+        """Speeds in order, Hz. Raises `RigError` when the step does not divide the whole."""
+        count = round(abs(self.to_hz - self.from_hz) / self.step_hz)
+        if count > MOST_LEVELS:
+            raise RigError(f"step_hz = {self.step_hz:g} makes {count + 1} levels, above {MOST_LEVELS}")
+        if abs(count * self.step_hz - abs(self.to_hz - self.from_hz)) > 1e-6:
+            way = f"{self.from_hz:g} to {self.to_hz:g} Hz"
+            raise RigError(f"step_hz = {self.step_hz:g} does not divide the way from {way}")
+        slope = (self.to_hz - self.from_hz) / max(count, 1)
+        return [round(self.from_hz + number * slope, 9) for number in range(count + 1)]
+
+    def steps(self) -> list["Step"]:
+        """Plain steps that it stands for."""
+        hit = self._hit()
+        rest = [WaitStep(self.dwell)] if hit is None else [WaitStep(0.5 * self.dwell)]
+        held: list[Step] = [*rest] if hit is None else [*rest, hit, *rest]
+        found: list[Step] = []
+        for hz in self.levels():
+            found += [SpeedStep(hz, self.ramp_hz_per_s, self.note), *held]
+        return found
+
+    def _hit(self) -> "HitStep | None":
+        """Hit at each level. Raises `RigError` when it is half described."""
+        given = (self.solenoid, self.force, self.hit_duration)
+        if given == (None, None, None):
+            return None
+        if self.solenoid is None or self.force is None or self.hit_duration is None:
+            raise RigError("a hit at each level needs all of solenoid, force and hit_duration")
+        return HitStep(self.solenoid, self.force, self.hit_duration)
+
+
+MOST_LEVELS = 10_000
 Step = WaitStep | SpeedStep | HitStep | MarkStep
-STEPS: dict[str, type[Step]] = {"wait": WaitStep, "speed": SpeedStep, "hit": HitStep, "mark": MarkStep}
+STEPS: dict[str, type[Step | Stair]] = {
+    "wait": WaitStep,
+    "speed": SpeedStep,
+    "hit": HitStep,
+    "mark": MarkStep,
+    "stair": Stair,
+}
 
 
 class PlanHead(NamedTuple):
@@ -218,23 +275,31 @@ def _plan(tables: Mapping[str, Any], rig: Rig) -> Plan:
     rows = tables.get("step", [])
     if not isinstance(rows, list) or not rows:
         raise RigError("there is no [[step]]; a plan has at least one")
-    steps = tuple(_step(row, number, rig) for number, row in enumerate(rows, 1))
-    plan = Plan(head.name, head.description, steps)
-    _check_hits(plan, rig)
+    numbered = [(number, step) for number, row in enumerate(rows, 1) for step in _steps(row, number, rig)]
+    plan = Plan(head.name, head.description, tuple(step for _, step in numbered))
+    _check_hits(plan, [number for number, _ in numbered], rig)
     return plan
 
 
-def _step(row: Any, number: int, rig: Rig) -> Step:
-    """Validate one step."""
+def _steps(row: Any, number: int, rig: Rig) -> list[Step]:
+    """Validate one row and return the steps that it stands for."""
     place = f"[[step]] {number}"
     if not isinstance(row, Mapping) or "do" not in row:
         raise RigError(f"{place} lacks do: one of {', '.join(STEPS)}")
     kind = row["do"]
     if not isinstance(kind, str) or kind not in STEPS:
         raise RigError(f"{place} do = {kind!r} is not a step{nearest(str(kind), STEPS, 'the steps are')}")
-    step: Step = tuple_at(STEPS[kind], {key: value for key, value in row.items() if key != "do"}, place)
-    _check_step(step, place, rig)
-    return step
+    step: Step | Stair = tuple_at(STEPS[kind], {key: row[key] for key in row if key != "do"}, place)
+    if not isinstance(step, Stair):
+        _check_step(step, place, rig)
+        return [step]
+    try:
+        steps = step.steps()
+    except RigError as error:
+        raise RigError(f"{place} {error}") from error
+    for each in steps:
+        _check_step(each, place, rig)
+    return steps
 
 
 def _check_step(step: Step, place: str, rig: Rig) -> None:
@@ -255,11 +320,11 @@ def _check_step(step: Step, place: str, rig: Rig) -> None:
         _at_most(step.duration, solenoid.max_duration, f"{place} duration", f"{owner} max_duration")
 
 
-def _check_hits(plan: Plan, rig: Rig) -> None:
-    """Refuse a hit that would begin before the one before is over."""
+def _check_hits(plan: Plan, numbers: list[int], rig: Rig) -> None:
+    """Refuse a hit that would begin before the one before is over; `numbers` are the steps' rows."""
     runner = PlanRunner(plan, rig)
     now = busy_until = 0.0
-    for number, step in enumerate(plan.steps, 1):
+    for number, step in zip(numbers, plan.steps, strict=True):
         if isinstance(step, HitStep):
             if now < busy_until:
                 raise RigError(

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from contextlib import suppress
 from typing import TYPE_CHECKING, NamedTuple
 
 from rigtwin.live import add_rig_options, rig_of
@@ -43,11 +44,13 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
 
 
 def run_list(options: argparse.Namespace) -> int:
-    """Print the shipped plans with their durations on the rig."""
-    from daq.plan import load_plan, shipped_plans
+    """Print the shipped plans that the rig can perform, with their durations on it."""
+    from daq.plan import PlanError, load_plan, shipped_plans
 
-    rig = rig_of(options)
-    plans = [load_plan(name, rig) for name in shipped_plans()]
+    rig, plans = rig_of(options), []
+    for name in shipped_plans():
+        with suppress(PlanError):  # it asks for more than this rig has
+            plans.append(load_plan(name, rig))
     if options.json:
         print(json.dumps([_facts(plan, rig) for plan in plans]))
         return 0

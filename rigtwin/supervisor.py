@@ -149,7 +149,7 @@ def explain(child: Child) -> str:
         return f"{child.name} was ended by {signal.Signals(-code).name}"
     if code == 0:
         return f"{child.name} has ended"
-    return f"{child.name}: {child.last_words().removeprefix('rigtwin: ')}"
+    return f"{child.name}: {child.last_words().removeprefix(child.name).removeprefix(':').strip()}"
 
 
 def write_rig(rig: Rig, folder: Path) -> str:

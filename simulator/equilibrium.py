@@ -19,8 +19,7 @@ def static_state(model: Model) -> np.ndarray:
     The shaft hangs in the vertical plane. Raises `RigError` when nothing carries it.
     """
     low, high = bracket(model)
-    offset = bisected(model, low, high)
-    house = house_offset(model, offset)
+    offset, house = bisected(model, low, high)
     values = np.zeros(len(STATE))
     values[STATE.index("tilt_y")] = (offset + house) / model.rotor.bearing_station
     values[STATE.index("house_y")] = house
@@ -28,15 +27,16 @@ def static_state(model: Model) -> np.ndarray:
 
 
 @kernel
-def bisected(model: Model, low: float, high: float) -> float:
-    """Return the offset (m) between two at which no moment is left."""
+def bisected(model: Model, low: float, high: float) -> tuple[float, float]:
+    """Return the offset (m) between two at which no moment is left, and the house's (m)."""
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        if excess(model, middle) > 0.0:
+        if excess(model, middle)[0] > 0.0:
             low = middle
         else:
             high = middle
-    return 0.5 * (low + high)
+    offset = 0.5 * (low + high)
+    return offset, excess(model, offset)[1]
 
 
 def bracket(model: Model) -> tuple[float, float]:
@@ -46,7 +46,7 @@ def bracket(model: Model) -> tuple[float, float]:
     """
     reach = deepest(model)
     for share in (1.0, 0.5, 0.25):
-        if excess(model, -share * reach) >= 0.0 >= excess(model, share * reach):
+        if excess(model, -share * reach)[0] >= 0.0 >= excess(model, share * reach)[0]:
             return -share * reach, share * reach
     raise RigError(
         "neither [magnetic_bearing] stiffness nor [backup_bearing] stiffness carries the weight of "
@@ -63,26 +63,16 @@ def deepest(model: Model) -> float:
 
 
 @kernel
-def contact_lift(model: Model, offset: float) -> float:
-    """Return the contact's vertical force (N) on a resting shaft `offset` (m) above the house's centre."""
-    tilt = offset / model.rotor.bearing_station
-    state = State(0.0, tilt, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return contact_force(model, np.zeros(MOST_CANDIDATES), state).force_y
+def excess(model: Model, offset: float) -> tuple[float, float]:
+    """Return the moment (N m, up positive) left on a shaft held `offset` (m) above the house's centre.
 
-
-@kernel
-def house_offset(model: Model, offset: float) -> float:
-    """Return where the contact's reaction has pushed the inner house, m."""
-    return -contact_lift(model, offset) / (2.0 * model.housing.transducer_stiffness)
-
-
-@kernel
-def excess(model: Model, offset: float) -> float:
-    """Return the moment (N m, up positive) left on a shaft held `offset` (m) above the house's centre."""
+    And where the contact's reaction has pushed the inner house, m.
+    """
     rotor = model.rotor
-    stiffness = (
-        model.magnetic_bearing.stiffness * rotor.magnet_station * rotor.magnet_station + rotor.pivot_stiffness
-    )
-    tilt = (offset + house_offset(model, offset)) / rotor.bearing_station
-    lift = rotor.bearing_station * contact_lift(model, offset)
-    return static_moment(rotor) + lift - stiffness * tilt
+    held = State(0.0, offset / rotor.bearing_station, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    lift = contact_force(model, np.zeros(MOST_CANDIDATES), held).force_y
+    house = -lift / (2.0 * model.housing.transducer_stiffness)
+    arm = rotor.magnet_station * rotor.magnet_station
+    stiffness = model.magnetic_bearing.stiffness * arm + rotor.pivot_stiffness
+    tilt = (offset + house) / rotor.bearing_station
+    return static_moment(rotor) + rotor.bearing_station * lift - stiffness * tilt, house

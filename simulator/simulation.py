@@ -9,7 +9,7 @@ from simulator.contact import MOST_CANDIDATES
 from simulator.drive import set_point
 from simulator.equilibrium import static_state
 from simulator.faults import Fault, damaged, schedule
-from simulator.flight import no_flight
+from simulator.flight_table import flight_at
 from simulator.law import constant_factor
 from simulator.numeric import direction
 from simulator.rig import (
@@ -66,7 +66,7 @@ class Simulation:
         self.state = static_state(self.model) if state is None else checked_state(state)
         self._ramp = np.array([self.state[10], self.state[10], 1.0, 0.0])
         self._pulses = np.empty((0, PULSE_FIELDS))
-        self._flight = no_flight()
+        self._flight = flight_at(self.model, self.tick, self.state[10])
         self._faults = schedule(faults, self.rate)
 
     def advance(self, truth: np.ndarray) -> None:
@@ -95,7 +95,7 @@ class Simulation:
         """Go on with another model of the rig from the next sample on. Raises `RigError`."""
         self.model = checked(model)
         self.tick = tick_of(self.model, 1.0 / self.rate)
-        self._flight = no_flight()
+        self._flight = flight_at(self.model, self.tick, self._ramp[1])
         if self.model.backup_bearing.damping_mode != DampingMode.LATCHED:
             self.damping_factors[:] = first_damping_factors(self.model)
 
@@ -106,6 +106,8 @@ class Simulation:
         slope = positive(ramp, "ramp", "rad/s2")
         now = set_point(self._ramp, self.sample, self.tick.length)
         self._ramp[:] = now, speed, slope, self.sample
+        if speed != self._flight.speed:
+            self._flight = flight_at(self.model, self.tick, speed)
 
     def hit(self, solenoid: Solenoid, force: float, duration: float) -> None:
         """Begin a half-sine pulse of a solenoid now: peak `force` (N), `duration` (s). Pulses may overlap."""

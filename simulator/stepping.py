@@ -3,10 +3,10 @@
 import numpy as np
 
 from simulator.compile import inlined, kernel
-from simulator.contact import Contact, beyond_pins, contact_force, latch, penetration
+from simulator.contact import Contact, beyond_pins, contact_force, latch, penetration, relative_motion
 from simulator.drive import IDEAL, motor_torque, next_integral, set_point
 from simulator.dynamics import Tick, collide, contact_substeps, flight_substeps, fly, may_touch, settle
-from simulator.flight import Flight, glide, steady
+from simulator.flight import Flight, clear, forget, glide, steady
 from simulator.rig import Model
 from simulator.solenoid import pulse_in_tick, solenoid_force, solenoid_moment
 from simulator.state import Inputs, State
@@ -42,10 +42,11 @@ def run(
     while column < end:
         depth = penetration(model, state)
         touching = may_touch(model, tick, state, depth)
-        if not touching and steady(model, tick, ramp, pulses, sample + column, state.speed):
-            column, state = glide(model, tick, flight, sample + column, state, truth, column, end)
+        x, y, rate_x, rate_y = relative_motion(model, state)
+        if steady(flight, ramp, pulses, sample + column, state.speed) and clear(flight, x, y, rate_x, rate_y):
+            column, state = glide(flight, sample + column, state, truth, column, end)
         else:
-            flight.anchor[0] = -1.0
+            forget(flight)
             record(model, tick, ramp, pulses, sample + column, damping_factors, state, depth, truth, column)
             state = step(model, tick, ramp, pulses, sample + column, damping_factors, touching, state)
             column += 1

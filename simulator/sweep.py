@@ -2,7 +2,7 @@
 
 Each rig is stepped by the very kernel that `Simulation` uses, one rig after another on each of some
 threads; the kernel releases the interpreter's lock, so that threads run at once. Only outcomes are kept: a
-rig takes about 6 kB, and for each leg 32 bytes and 16 for each point of its Poincare section; a thread
+rig takes about 25 kB, and for each leg 32 bytes and 16 for each point of its Poincare section; a thread
 takes 0.7 MB beside.
 """
 

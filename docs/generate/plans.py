@@ -1,7 +1,9 @@
 """The tables of a plan."""
 
-from daq.plan import STEPS, PlanHead, load_plan, shipped_plans
-from daq.rig import load_rig
+from contextlib import suppress
+
+from daq.plan import STEPS, Plan, PlanError, PlanHead, load_plan, shipped_plans
+from daq.rig import Rig, load_rig, shipped_rigs
 from docs.generate.fields import section
 from docs.generate.markdown import table
 
@@ -26,8 +28,19 @@ def tables() -> str:
 
 
 def shipped() -> str:
-    """Return the plans that come with the product."""
-    rig = load_rig("thesis-ball")
-    plans = [load_plan(name, rig) for name in shipped_plans()]
-    rows = [[f"`{plan.name}`", f"{plan.expected_duration(rig):.0f} s", plan.description] for plan in plans]
-    return table(("name", "lasts", "does"), rows)
+    """Return the plans that come with the product, each on the first shipped rig that can perform it."""
+    rigs = [load_rig(name) for name in sorted(shipped_rigs(), key=lambda name: name != "thesis-ball")]
+    rows = []
+    for name in shipped_plans():
+        rig, plan = first_suited(name, rigs)
+        lasts = f"{plan.expected_duration(rig):.0f} s"
+        rows.append([f"`{plan.name}`", f"`{rig.name}`", lasts, plan.description])
+    return table(("name", "for example on", "lasts", "does"), rows)
+
+
+def first_suited(name: str, rigs: list[Rig]) -> tuple[Rig, Plan]:
+    """Return the first of the rigs that can perform a plan, and the plan."""
+    for rig in rigs:
+        with suppress(PlanError):
+            return rig, load_plan(name, rig)
+    raise PlanError(f"no shipped rig can perform {name}")

@@ -41,17 +41,65 @@ def rig():
     return load_rig("thesis-ball")
 
 
+NEEDS = {"drop-tests": "thesis-drop"}  # plans that only one rig has the means for
+
+
 @pytest.mark.parametrize("plan", shipped_plans())
 @pytest.mark.parametrize("rig_name", shipped_rigs())
 def test_shipped_plan_suits_every_shipped_rig(plan, rig_name):
     rig = load_rig(rig_name)
-    assert load_plan(plan, rig).name == plan
     assert load_plan(rig.plan, rig)
+    if NEEDS.get(plan, rig_name) == rig_name:
+        assert load_plan(plan, rig).name == plan
+    else:
+        with pytest.raises(PlanError, match="no solenoid is named vertical"):
+            load_plan(plan, rig)
+
+
+@pytest.mark.parametrize(("plan", "levels"), [("stairs", 80), ("heavy-unbalance", 80), ("external-hit", 39)])
+def test_thesis_plan_holds_each_speed_ten_seconds(plan, levels, rig):
+    steps = load_plan(plan, rig).steps
+    speeds = [step.speed_hz for step in steps if type(step).__name__ == "SpeedStep"]
+    waits = [step.duration for step in steps if type(step).__name__ == "WaitStep"]
+    assert len(speeds) in (levels, levels + 1)
+    assert set(waits) <= {5.0, 10.0}
 
 
 def test_expected_duration_counts_ramps_by_the_speed_last_commanded(rig):
     assert plan_from_text(SHORT, rig).expected_duration(rig) == pytest.approx(0.5 + 0.5 + 2.67 / 26.7 + 1.0)
     assert load_plan("resonance", rig).expected_duration(rig) == pytest.approx(50.0)
+
+
+STAIR = (
+    HEAD
+    + """
+[[step]]
+do = "stair"
+from_hz = 9.0
+to_hz = 7.5
+step_hz = 0.5
+dwell = 2.0
+"""
+)
+
+
+def test_stair_is_a_speed_and_a_wait_for_each_level(rig):
+    steps = plan_from_text(STAIR, rig).steps
+    assert [step.speed_hz for step in steps[::2]] == [9.0, 8.5, 8.0, 7.5]
+    assert {step.duration for step in steps[1::2]} == {2.0}
+    assert plan_from_text(STAIR, rig).expected_duration(rig) == pytest.approx(8.0 + 10.5 / 26.7)
+
+
+def test_stair_hits_half_way_through_each_level(rig):
+    hits = STAIR + 'solenoid = "horizontal"\nforce = 9.0\nhit_duration = 0.01\n'
+    steps = plan_from_text(hits, rig).steps
+    assert len(steps) == 16
+    assert [step.duration for step in steps[1:4]] == [1.0, 0.01, 1.0]
+
+
+def test_stair_of_one_level_stays_there(rig):
+    steps = plan_from_text(STAIR.replace("7.5", "9.0"), rig).steps
+    assert [type(step).__name__ for step in steps] == ["SpeedStep", "WaitStep"]
 
 
 def performed(plan, rig, start, pitch):
@@ -103,7 +151,7 @@ def test_a_plan_on_a_turning_rig_ramps_from_its_speed(rig):
 
 STEP_ERRORS = {
     'do = "wiat"\nduration = 1.0': r"\[\[step\]\] 1 do = 'wiat' is not a step; did you mean wait\?",
-    "duration = 1.0": r"\[\[step\]\] 1 lacks do: one of wait, speed, hit, mark",
+    "duration = 1.0": r"\[\[step\]\] 1 lacks do: one of wait, speed, hit, mark, stair",
     "do = 3": r"\[\[step\]\] 1 do = 3 is not a step",
     "do = []": r"\[\[step\]\] 1 do = \[\] is not a step",
     'do = "wait"\ndurations = 1.0': r"\[\[step\]\] 1 durations is not a key of this table; did you mean duration\?",
@@ -117,6 +165,12 @@ STEP_ERRORS = {
     'do = "hit"\nsolenoid = "horizontl"\nforce = 1.0\nduration = 0.01': r'solenoid = "horizontl": .*did you mean horizontal\?',
     'do = "hit"\nsolenoid = "horizontal"\nforce = 61.0\nduration = 0.01': r"force = 61 is above 60, thesis-ball .*max_force",
     'do = "hit"\nsolenoid = "horizontal"\nforce = 1.0\nduration = 0.06': r"duration = 0\.06 is above 0\.05",
+    'do = "stair"\nfrom_hz = 1.0\nto_hz = 2.0\nstep_hz = 0.3\ndwell = 1.0': r"\[\[step\]\] 1 step_hz = 0\.3 does not divide the way from 1 to 2 Hz",
+    'do = "stair"\nfrom_hz = 1.0\nto_hz = 26.0\nstep_hz = 0.5\ndwell = 1.0': r"speed_hz = 25\.5 is above 25, thesis-ball \[command\] max_speed_hz",
+    'do = "stair"\nfrom_hz = 1.0\nto_hz = 2.0\nstep_hz = 0.5\ndwell = 0.0': r"dwell = 0 is outside",
+    'do = "stair"\nfrom_hz = 0.0\nto_hz = 20.0\nstep_hz = 0.001\ndwell = 1.0': r"step_hz = 0\.001 makes 20001 levels, above 10000",
+    'do = "stair"\nfrom_hz = 1.0\nto_hz = 2.0\nstep_hz = 0.5\ndwell = 1.0\nforce = 9.0': r"a hit at each level needs all of solenoid, force and hit_duration",
+    'do = "stair"\nfrom_hz = 1.0\nto_hz = 2.0\nstep_hz = 0.5\ndwell = 0.01\nsolenoid = "horizontal"\nforce = 9.0\nhit_duration = 0.05': r"\[\[step\]\] 1 hits 0\.0711798 s after",
     'do = "mark"\ntext = ""': r'text = "" must be a text of 1 to 500 characters',
 }  # fmt: skip
 

@@ -119,9 +119,13 @@ def test_plans_are_listed_with_their_durations(call):
     code, said = call("plan", "list")
     assert code == 0
     assert any(line.split()[:3] == ["resonance", "50", "s"] for line in said.splitlines())
-    assert {"impacts", "resonance"} == {
-        plan["name"] for plan in json.loads(call("plan", "list", "--json")[1])
-    }
+    names = {plan["name"] for plan in json.loads(call("plan", "list", "--json")[1])}
+    assert {"impacts", "resonance", "stairs"} <= names
+    assert "drop-tests" not in names  # it needs a solenoid that the rig has not
+
+
+def test_plans_are_listed_for_the_rig_that_is_asked_for(call):
+    assert "drop-tests" in call("plan", "list", "--rig", "thesis-drop")[1]
 
 
 def test_show_tells_when_each_step_begins(call):
