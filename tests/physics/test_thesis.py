@@ -72,7 +72,7 @@ def test_dropped_rotor_stays_at_the_bottom_with_published_numbers(unbalance):
 
 
 def test_dropped_rotor_with_a_lifting_coupling_goes_from_the_bottom_to_the_whirl():
-    model = lifted_drop(-33.0)
+    model = lifted_drop(-34.0)
     assert region(drop(model, 30e-6)) == "I"
     whirl = drop(model, 420e-6)
     assert region(whirl) == "III"
