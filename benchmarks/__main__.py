@@ -13,10 +13,9 @@ TARGET = HERE.parent / "docs" / "reference" / "figures.md"
 SCRIPTS = ("link", "processes", "recording", "display", "simulator", "twin")
 HEAD = """# Figures
 
-Measured by `python -m benchmarks` on {date}, on {cores} cores of {processor},
-Python {python}, {system}.
-Ratios carry over to other computers, absolute values do not: each ratio is to the baseline of the same run
-that the [script](benchmarks.md) names.
+Measured by `python -m benchmarks` on {date}: {cores} cores of {processor}, Python {python}, {system}.
+Ratios carry over to other computers, absolute values do not. Each ratio is to a baseline of the same run,
+which the [script](benchmarks.md) names.
 """
 
 
