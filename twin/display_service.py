@@ -6,20 +6,19 @@ waits for it. When the run is over it goes on serving until its standard input e
 
 import argparse
 import os
-import signal
 import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from subprocess import Popen
 from threading import Event as Flag
-from threading import Thread
 from uuid import uuid4
 
 from daq import keys
 from daq.link import Inbox, Link, LinkError, free_ports
 from daq.messages import MessageError, read_header
 from daq.messages_pb2 import Description, Status
+from daq.parent import follow_parent
 from daq.ports import as_it_runs
 from daq.rig import Rig, load_rig
 from twin.display import Screen
@@ -165,9 +164,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the display process; return its exit code."""
     options = parser().parse_args(arguments)
     stop = Flag()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: stop.set())
-    Thread(target=_wait_for_end_of_input, args=(stop,), daemon=True).start()
+    follow_parent(stop.set)
     try:
         rig = as_it_runs(load_rig(options.rig))
         show(rig, options.view, options.mode, options.grpc_port, options.web_port, stop)
@@ -194,10 +191,3 @@ def parser() -> argparse.ArgumentParser:
         "--web-port", type=int, default=0, metavar="N", help="port of the page (default: a free one)"
     )
     return made
-
-
-def _wait_for_end_of_input(stop: Flag) -> None:
-    """Set the flag when whoever started this process closes its pipe, or dies."""
-    while os.read(sys.stdin.fileno(), 4096):  # not sys.stdin.read: its lock would be held when Python ends
-        continue
-    stop.set()
