@@ -1,4 +1,4 @@
-"""The daq's events: numbered, dated by sample index, published as they happen."""
+"""Events: what happened at one sample, numbered by its source, dated by sample index."""
 
 from collections.abc import Callable, Mapping
 
@@ -10,8 +10,42 @@ Publish = Callable[[str, bytes], None]
 SOURCE = "daq"
 
 
+class EventCounter:
+    """Makes the events of one source, numbered from 0."""
+
+    def __init__(self, source: str) -> None:
+        self._source = source
+        self._sequence = 0
+
+    def make(
+        self,
+        kind: str,
+        text: str,
+        sample: int,
+        severity: Severity = INFO,
+        details: Mapping[str, object] | None = None,
+        *,
+        run: str,
+        timestamp: float,
+    ) -> bytes:
+        """Return the next event's payload; `details` become texts, `timestamp` is in s since 1970 UTC."""
+        event = Event(
+            timestamp=timestamp,
+            run=run,
+            sample=sample,
+            sequence=self._sequence,
+            severity=severity,
+            source=self._source,
+            kind=kind,
+            text=text,
+            details={name: str(value) for name, value in (details or {}).items()},
+        )
+        self._sequence += 1
+        return event.SerializeToString(deterministic=True)
+
+
 class EventLog:
-    """Numbers and publishes the events of one run.
+    """Publishes the daq's events of one run.
 
     Args:
         rig: name of the rig.
@@ -27,7 +61,7 @@ class EventLog:
         self._rate = rate
         self._start = start
         self._publish = publish
-        self._sequence = 0
+        self._events = EventCounter(SOURCE)
 
     def add(
         self,
@@ -38,16 +72,6 @@ class EventLog:
         details: Mapping[str, object] | None = None,
     ) -> None:
         """Publish one event; `details` are written as texts."""
-        event = Event(
-            timestamp=self._start.timestamp(sample, self._rate),
-            run=self._run,
-            sample=sample,
-            sequence=self._sequence,
-            severity=severity,
-            source=SOURCE,
-            kind=kind,
-            text=text,
-            details={name: str(value) for name, value in (details or {}).items()},
-        )
-        self._sequence += 1
-        self._publish(self._key, event.SerializeToString(deterministic=True))
+        timestamp = self._start.timestamp(sample, self._rate)
+        payload = self._events.make(kind, text, sample, severity, details, run=self._run, timestamp=timestamp)
+        self._publish(self._key, payload)

@@ -7,8 +7,9 @@ thread, and renews the lease as long as there is one.
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
+from daq.events import EventCounter
 from daq.link import LinkError, NoAnswer
-from daq.messages_pb2 import INFO, WARNING, Answer, Command, Event, Status, Summary
+from daq.messages_pb2 import INFO, WARNING, Answer, Command, Event, Severity, Status, Summary
 from daq.plan import Action, Plan, PlanRunner
 from daq.rig import Rig
 
@@ -52,7 +53,7 @@ class Operation:
         self._step = 0
         self._ask = ask
         self._publish = publish
-        self._sequence = 0
+        self._events = EventCounter("operator")
         self._clock: Clock | None = None
         self._first_sample = 0  # index at which this run was first seen
         self._lease_sample = 0
@@ -207,21 +208,11 @@ class Operation:
         return self._clock or Clock("", 0, 0.0)
 
     def _emit(
-        self, kind: str, text: str, severity: int = INFO, details: Mapping[str, object] | None = None
+        self, kind: str, text: str, severity: Severity = INFO, details: Mapping[str, object] | None = None
     ) -> None:
         """Publish an event at the present sample; before the stream runs there is none to relate it to."""
         if self._clock is None:
             return
-        event = Event(
-            timestamp=self._clock.t0 + self._clock.sample / self._rig.acquisition.rate,
-            run=self._clock.run,
-            sample=self._clock.sample,
-            sequence=self._sequence,
-            severity=severity,  # type: ignore[arg-type]
-            source="operator",
-            kind=kind,
-            text=text,
-            details={name: str(value) for name, value in (details or {}).items()},
-        )
-        self._sequence += 1
-        self._publish(event.SerializeToString(deterministic=True))
+        run, sample, t0 = self._clock
+        timestamp = t0 + sample / self._rig.acquisition.rate
+        self._publish(self._events.make(kind, text, sample, severity, details, run=run, timestamp=timestamp))

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from daq import keys
+from daq.events import EventCounter
 from daq.messages import SeriesEncoder, decode_series
-from daq.messages_pb2 import INFO, WARNING, Event, Severity
+from daq.messages_pb2 import INFO, WARNING, Severity
 from daq.rig import Rig
 from twin.findings import Findings, RegimeChange
 from twin.observer import STRIDE, Estimated, EstimateStatus, Observer
@@ -39,7 +40,7 @@ class Twin:
         self._findings = Findings(rig)
         self._rate = rig.acquisition.rate
         self._t0 = t0_ns * 1e-9
-        self._sequence = 0
+        self._counter = EventCounter(SOURCE)
         self._quiet_until = 0
         self._encoder = SeriesEncoder(run, self._rate, self.observer.names, self.observer.units, STRIDE)
         self._keys = keys.estimate(rig.name), keys.twin_summary(rig.name), keys.event(rig.name, SOURCE)
@@ -110,19 +111,10 @@ class Twin:
         details: Mapping[str, object] | None = None,
     ) -> tuple[str, bytes]:
         """Return the next event's message."""
-        event = Event(
-            timestamp=self._time(sample),
-            run=self.run,
-            sample=sample,
-            sequence=self._sequence,
-            severity=severity,
-            source=SOURCE,
-            kind=kind,
-            text=text,
-            details={name: str(value) for name, value in (details or {}).items()},
+        payload = self._counter.make(
+            kind, text, sample, severity, details, run=self.run, timestamp=self._time(sample)
         )
-        self._sequence += 1
-        return self._keys[2], event.SerializeToString(deterministic=True)
+        return self._keys[2], payload
 
     def _time(self, sample: int) -> float:
         """Return the UTC of a sample in s since 1970."""
