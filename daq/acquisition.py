@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq import protection
+from daq.answers import Answers
 from daq.backend import Backend, PastSampleError, Reading, RestOutput, TruthSource
 from daq.commands import CommandError, Commands, Situation
 from daq.events import EventLog, Publish
@@ -54,6 +55,7 @@ class Acquisition:
         self.ending = False  # nothing moves any more
         self.ended = False
         self.commands = Commands(rig, backend.capabilities.outputs)
+        self._answers = Answers()
         self._backend = backend
         self._publish = publish
         self._given_t0 = t0_ns
@@ -136,16 +138,23 @@ class Acquisition:
         return reading.n_samples
 
     def serve(self, command: Command, reply: Reply = lambda answer: None) -> Answer:
-        """Judge and carry out a command: the answer goes to `reply` first, then the event is published."""
+        """Judge and carry out a command: the answer goes to `reply` first, then the event is published.
+
+        A request that comes again, known by its id, gets the same answer and is not carried out again.
+        """
         if self.start_time is None or self.ended:
             answer = Answer(text="the run has ended" if self.ended else "the run has not started yet")
             reply(answer)
             return answer
+        if known := self._answers.get(command.id):
+            reply(known)
+            return known
         sample = self._backend.clock()
         try:
             answer = self._carry_out(command, sample)
         except (CommandError, PastSampleError) as error:
             answer = Answer(text=str(error), sample=sample)
+        self._answers.keep(command.id, answer)
         reply(answer)
         self._note_command(command, answer, sample)
         return answer

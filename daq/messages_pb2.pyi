@@ -247,7 +247,7 @@ class Description(_message.Message):
     def __init__(self, timestamp: _Optional[float] = ..., run: _Optional[str] = ..., first_sample: _Optional[int] = ..., rig: _Optional[str] = ..., toml: _Optional[str] = ..., rate: _Optional[float] = ..., t0_ns: _Optional[int] = ..., t0_uncertainty_ns: _Optional[int] = ..., t0_source: _Optional[str] = ..., mode: _Optional[str] = ..., versions: _Optional[_Mapping[str, str]] = ...) -> None: ...
 
 class Command(_message.Message):
-    __slots__ = ("name", "who", "lease", "values", "texts")
+    __slots__ = ("name", "who", "lease", "values", "texts", "id")
     class ValuesEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -267,12 +267,14 @@ class Command(_message.Message):
     LEASE_FIELD_NUMBER: _ClassVar[int]
     VALUES_FIELD_NUMBER: _ClassVar[int]
     TEXTS_FIELD_NUMBER: _ClassVar[int]
+    ID_FIELD_NUMBER: _ClassVar[int]
     name: str
     who: str
     lease: str
     values: _containers.ScalarMap[str, float]
     texts: _containers.ScalarMap[str, str]
-    def __init__(self, name: _Optional[str] = ..., who: _Optional[str] = ..., lease: _Optional[str] = ..., values: _Optional[_Mapping[str, float]] = ..., texts: _Optional[_Mapping[str, str]] = ...) -> None: ...
+    id: str
+    def __init__(self, name: _Optional[str] = ..., who: _Optional[str] = ..., lease: _Optional[str] = ..., values: _Optional[_Mapping[str, float]] = ..., texts: _Optional[_Mapping[str, str]] = ..., id: _Optional[str] = ...) -> None: ...
 
 class Answer(_message.Message):
     __slots__ = ("accepted", "text", "sample", "lease")

@@ -11,12 +11,13 @@ from collections.abc import Callable
 from functools import partial
 from queue import Empty, SimpleQueue
 from typing import TypeVar
+from uuid import uuid4
 
 from google.protobuf.message import DecodeError
 
 from daq import keys
 from daq.commands import TAKES
-from daq.link import Link, Publisher, Request
+from daq.link import Link, NoAnswer, NoAnswerInTime, Publisher, Request
 from daq.messages_pb2 import Answer, Command, Event, Summary
 from daq.operation import Operation
 from daq.parent import follow_parent
@@ -33,6 +34,10 @@ CONTROL_LEASE_MS = 200
 """ms after which a daq that is silent on the control link is given up."""
 ANSWER_TIME = 0.5
 """s within which the daq answers a command."""
+PATIENCE = 1.0
+"""s after which a command without an answer is asked no more; who asked the operator waits 2 s."""
+PAUSE = 0.02
+"""s between two attempts while nobody is there to answer."""
 CAPACITY = 1024
 """Pieces of news that may wait for the loop; what finds no room is dropped, and a command gets no answer."""
 
@@ -134,9 +139,21 @@ def _report(operation: Operation, status: Publisher, cpu: float) -> None:
 
 
 def _ask(control: Link, rig: str, command: Command) -> Answer:
-    """Send a command to the daq and return its answer. Raises `LinkError`."""
-    payload = control.ask(keys.command(rig, command.name), command.SerializeToString(), ANSWER_TIME)
-    return Answer.FromString(payload)
+    """Send a command to the daq and return its answer. Raises `LinkError`.
+
+    After this process was stopped its link may have to connect anew: what got no answer is asked again, under
+    one id, which the daq performs once.
+    """
+    command.id = uuid4().hex
+    key, request = keys.command(rig, command.name), command.SerializeToString()
+    deadline = time.monotonic() + PATIENCE
+    while True:
+        try:
+            return Answer.FromString(control.ask(key, request, ANSWER_TIME))
+        except (NoAnswer, NoAnswerInTime):
+            if time.monotonic() >= deadline:
+                raise
+            time.sleep(PAUSE)
 
 
 def _server(news: News, operation: Operation, name: str) -> Callable[[Request], None]:

@@ -9,10 +9,11 @@ import pytest
 
 from daq import keys
 from daq.acquisition import Acquisition
+from daq.answers import KEPT, Answers
 from daq.backend import RestOutput, make_backend
 from daq.backends.emulator import Emulator
 from daq.messages import BlockStatus, decode_series
-from daq.messages_pb2 import ALARM, ChannelSummary, Command, Event, Summary
+from daq.messages_pb2 import ALARM, Answer, ChannelSummary, Command, Event, Summary
 from daq.offline import perform
 from daq.plan import load_plan, plan_from_text
 from daq.rig import load_rig
@@ -456,3 +457,29 @@ def test_rest_is_what_a_lost_run_ends_with(bench):
     bench.backend.write = lambda output, at_sample=None: written.append(output) or write(output, at_sample)
     bench.acquisition.rest()
     assert written == [RestOutput(RIG.safe_state.ramp)]
+
+
+def test_a_request_that_comes_again_is_answered_again_and_performed_once(bench):
+    bench.ask("arm")
+    hit = Command(
+        name="hit", who="anna", lease=bench.lease, values={"force": 5.0, "duration": 0.01}, id="one"
+    )
+    first = bench.acquisition.serve(hit)
+    bench.go(0.05)
+    replies = []
+    assert bench.acquisition.serve(hit, replies.append) == first
+    assert replies == [first]
+    assert bench.sink.kinds().count("hit") == 1
+    hit.id = "two"
+    assert bench.acquisition.serve(hit).sample > first.sample
+    assert bench.sink.kinds().count("hit") == 2
+
+
+def test_answers_are_forgotten_when_many_newer_ones_were_given():
+    answers = Answers()
+    for number in range(KEPT + 1):
+        answers.keep(str(number), Answer(text=str(number)))
+    answers.keep("", Answer(text="without an id"))
+    assert answers.get("0") is None
+    assert answers.get("") is None
+    assert [answers.get(str(number)).text for number in (1, KEPT)] == ["1", str(KEPT)]
