@@ -29,12 +29,11 @@ from daq.recording_reader import (
     Check,
     Message,
     Recording,
-    SampleClock,
-    Signals,
-    series_end,
 )
 from daq.records import SEAL, seal
+from daq.signals import Signals, series_end
 from daq.storage import RecordingError, Storage, part_path, parts, prepare
+from daq.timing import SampleClock
 
 __all__ = [
     "Certificate",

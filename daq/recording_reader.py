@@ -2,17 +2,15 @@
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from daq import keys
-from daq.certificate import Certificate, Coverage, Ledger
-from daq.messages import Samples, Series, decode_series
+from daq.certificate import Certificate, Ledger
+from daq.messages import Series, decode_series
 from daq.messages_pb2 import Description, Event
+from daq.record_index import Index, scanned_chunk, stored_index
 from daq.records import (
     MAGIC,
     SEAL,
@@ -27,28 +25,14 @@ from daq.records import (
     split_chunk,
     unpack_chunk,
 )
+from daq.signals import Signals, joined, series_end
 from daq.storage import RecordingError
+from daq.timing import SampleClock
 
 RIG, CHANNELS = "rig.toml", "channels.csv"  # names of the attachments
+LATEST = 2**64 - 1  # log time
 FACTS = ("run", "first_sample", "rig", "rate", "t0_ns", "t0_uncertainty_ns", "t0_source", "mode")
 SERIES_KEYS = {"block": keys.block, "estimate": keys.estimate, "truth": keys.truth}
-NS = 10**9
-
-
-class SampleClock:
-    """Turns sample indices of a run into ns since 1970 UTC, as exact integers."""
-
-    def __init__(self, t0_ns: int, rate: float) -> None:
-        self.t0_ns = t0_ns
-        self._samples, self._seconds = rate.as_integer_ratio()
-
-    def ns(self, sample: int) -> int:
-        """Return when a sample happened, rounded down to 1 ns."""
-        return self.t0_ns + self.elapsed_ns(sample)
-
-    def elapsed_ns(self, sample: int) -> int:
-        """Return the time from sample 0 to a sample, rounded down to 1 ns."""
-        return sample * NS * self._seconds // self._samples
 
 
 class Message(NamedTuple):
@@ -60,37 +44,6 @@ class Message(NamedTuple):
     sequence: int
     """Block number of a block; of the others, a count within their topic."""
     payload: bytes
-
-
-@dataclass(frozen=True, eq=False)
-class Signals:
-    """Samples of some channels over a stretch of a run; `signals["force_top"]` is one channel's.
-
-    Attributes:
-        first_sample: index of the first column.
-        rate: Hz, of the sample index.
-        stride: samples of the index between two columns.
-        names: of the channels.
-        units: of the channels.
-        samples: (n_channels, n_columns), in those units; NaN where samples are missing.
-        gaps: (first, last) index of each stretch that is missing.
-    """
-
-    first_sample: int
-    rate: float
-    stride: int
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    samples: Samples
-    gaps: tuple[tuple[int, int], ...]
-
-    def __getitem__(self, name: str) -> Samples:
-        return self.samples[self.names.index(name)]
-
-    @property
-    def time(self) -> np.ndarray:
-        """Time of each column in s since sample 0, (n_columns,)."""
-        return (self.first_sample + self.stride * np.arange(self.samples.shape[1])) / self.rate
 
 
 class Check(NamedTuple):
@@ -119,7 +72,6 @@ class Recording:
         self._topics: dict[int, str] = {}
         self._notes: dict[str, dict[str, str]] = {}
         self._attachments: dict[str, bytes] = {}
-        self._has_notes = False
         self._more_behind = False
         for record in self._records(heal=True):
             if record.kind == Op.CHUNK:
@@ -172,7 +124,7 @@ class Recording:
     @property
     def notes(self) -> dict[str, dict[str, str]]:
         """All sound metadata records, by name."""
-        self._read_notes()
+        _ = self._index
         return dict(self._notes)
 
     @cached_property
@@ -191,11 +143,25 @@ class Recording:
         """
         wanted = frozenset(topics)
         if heal:
-            self._read_notes()
+            _ = self._index
         for data in self._chunks(wanted, heal=heal):
             for message in self._of(data):
                 if not wanted or message.key in wanted:
                     yield message
+
+    def messages_between(self, *topics: str, first: int = 0, last: int | None = None) -> Iterator[Message]:
+        """Yield the messages, of all topics or of some, of samples `first` to `last`, in the file's order.
+
+        Only the chunks that hold them are read; one that is damaged is left out, and `damage` tells.
+        """
+        begin, end = self._stretch(first, last)
+        wanted = frozenset(topics)
+        self.damage = list(self._index.damage)
+        for chunk in self._index.between(begin, end):
+            if self._may_hold(chunk.channels, wanted):
+                for message in self._of(self._unpacked(chunk.record)):
+                    if begin <= message.log_time <= end and (not wanted or message.key in wanted):
+                        yield message
 
     def topics(self) -> tuple[str, ...]:
         """Return the topics that have messages."""
@@ -208,10 +174,9 @@ class Recording:
         """Return the last sound message of each topic; only chunks that can hold one are unpacked."""
         missing = set(topics or self.topics())
         found: dict[str, Message] = {}
-        chunks = [record for record in self._records(heal=True) if record.kind == Op.CHUNK]
-        for chunk in reversed(chunks):
-            if missing and self._may_hold(chunk, frozenset(missing)):
-                newest = {message.key: message for message in self._of(self._unpacked(chunk))}
+        for chunk in reversed(self._index.chunks):
+            if missing and self._may_hold(chunk.channels, frozenset(missing)):
+                newest = {message.key: message for message in self._of(self._unpacked(chunk.record))}
                 found |= {topic: newest[topic] for topic in missing & newest.keys()}
                 missing -= newest.keys()
         return found
@@ -219,7 +184,7 @@ class Recording:
     def events(self) -> list[Event]:
         """Return all events, in the order of the file."""
         topics = [keys.event(self.description.rig, source) for source in ("daq", "operator", "twin")]
-        return [Event.FromString(message.payload) for message in self.messages(*topics)]
+        return [Event.FromString(message.payload) for message in self.messages_between(*topics)]
 
     def series(
         self,
@@ -242,12 +207,7 @@ class Recording:
         """
         if key not in SERIES_KEYS:
             raise RecordingError(f"no series is named {key!r}: there are {', '.join(SERIES_KEYS)}")
-        topic = SERIES_KEYS[key](self.description.rig)
-        found = []
-        for message in self.messages(topic):
-            series = decode_series(message.payload)
-            if series_end(series) > first and (last is None or series.first_sample <= last):
-                found.append(series)
+        found = self._overlapping(SERIES_KEYS[key](self.description.rig), first, last)
         if not found:
             raise RecordingError(f"{self.path}: no samples of {key} from index {first} on")
         known = found[0].names
@@ -256,7 +216,35 @@ class Recording:
             raise RecordingError(
                 f"{self.path}: no channel {unknown[0]!r} in {key}: it has {', '.join(known)}"
             )
-        return _cut(_join(found, names or known), first, last)
+        return joined(found, names or known, first, last)
+
+    def _overlapping(self, topic: str, first: int, last: int | None) -> list[Series]:
+        """Return the series of a topic that have samples from `first` to `last`, by their first sample.
+
+        They are looked for from the end: the earliest is the last one that does not begin behind `first`.
+        """
+        begin, end = self._stretch(first, last)
+        found: list[Series] = []
+        earliest = 0  # log time before which no series is wanted
+        self.damage = list(self._index.damage)
+        chunks = sorted(self._index.between(0, end), key=lambda chunk: chunk.last_ns, reverse=True)
+        for chunk in chunks:
+            if chunk.last_ns < earliest:
+                break
+            if not self._may_hold(chunk.channels, frozenset((topic,))):
+                continue
+            for message in self._of(self._unpacked(chunk.record)):
+                if message.key == topic and message.log_time <= end:
+                    series = decode_series(message.payload)
+                    if series_end(series) > first:
+                        found.append(series)
+                    if message.log_time <= begin:
+                        earliest = max(earliest, message.log_time)
+        return sorted(found, key=lambda series: series.first_sample)
+
+    def _stretch(self, first: int, last: int | None) -> tuple[int, int]:
+        """Return the log times of two samples; the largest that there is where `last` is None."""
+        return self.clock.ns(max(0, first)), LATEST if last is None else self.clock.ns(last)
 
     def check(self, on_block: Callable[[Series], None] | None = None) -> Check:
         """Make the account anew from what the file holds and compare it with the certificate.
@@ -304,12 +292,20 @@ class Recording:
             return "incomplete", "the recording ended before the run did"
         return "valid", ""
 
-    def _read_notes(self) -> None:
-        """Take in all metadata records, once."""
-        if not self._has_notes:
-            for _record in self._records(heal=True):
-                pass
-            self._has_notes = True
+    @cached_property
+    def _index(self) -> Index:
+        """Where everything stands; all notes are taken in on the way."""
+        before, self.damage = self.damage, []
+        index = stored_index(self._file)
+        if index is None:
+            chunks = [record for record in self._records(heal=True) if record.kind == Op.CHUNK]
+            index = Index([scanned_chunk(self._file, chunk) for chunk in chunks])
+        else:
+            self._topics |= index.topics
+            for record in index.notes:
+                self._take_in(record)
+        index.damage, self.damage = self.damage, before
+        return index
 
     def _records(self, *, heal: bool) -> Iterator[Record]:
         """Yield the records of the data section and take in those that are not chunks.
@@ -339,7 +335,9 @@ class Recording:
     def _chunks(self, wanted: frozenset[str], *, heal: bool) -> Iterator[bytes]:
         """Yield the records in those chunks that can hold wanted topics."""
         for record in self._records(heal=heal):
-            if record.kind == Op.CHUNK and self._may_hold(record, wanted):
+            if record.kind == Op.CHUNK and (
+                not wanted or self._may_hold(self._file.channels_behind(record), wanted)
+            ):
                 data = self._unpacked(record)
                 if data:
                     yield data
@@ -363,11 +361,9 @@ class Recording:
             elif item.channel in self._topics:
                 yield Message(self._topics[item.channel], item.log_time, item.sequence, item.payload)
 
-    def _may_hold(self, chunk: Record, wanted: frozenset[str]) -> bool:
-        """Whether a chunk can hold wanted topics, by the index behind it; none wanted means all."""
-        topics = (
-            [self._topics.get(channel) for channel in self._file.channels_behind(chunk)] if wanted else []
-        )
+    def _may_hold(self, channels: set[int], wanted: frozenset[str]) -> bool:
+        """Whether a chunk of these channels can hold wanted topics; none known or wanted means all."""
+        topics = [self._topics.get(channel) for channel in channels] if wanted else []
         return not topics or any(topic is None or topic in wanted for topic in topics)
 
     def _take_in(self, record: Record) -> None:
@@ -403,41 +399,3 @@ class Recording:
             f"{self.path} is MCAP, but holds no recording of a rig: it comes from another program, or "
             "was cut off before its first block"
         )
-
-
-def series_end(series: Series) -> int:
-    """Return the index behind the last sample of a series."""
-    return series.first_sample + series.samples.shape[1] * max(series.stride, 1)
-
-
-def _join(found: Sequence[Series], names: Sequence[str]) -> Signals:
-    """Put series side by side where their index says, with NaN between them."""
-    stride = max(found[0].stride, 1)
-    first = min(series.first_sample for series in found)
-    end = max(series_end(series) for series in found)
-    rows = [found[0].names.index(name) for name in names]
-    samples = np.full((len(rows), -(-(end - first) // stride)), np.nan, np.float32)
-    coverage = Coverage()
-    for series in found:
-        column = (series.first_sample - first) // stride
-        samples[:, column : column + series.samples.shape[1]] = series.samples[rows]
-        coverage.add(series.first_sample, series_end(series))
-    units = tuple(found[0].units[row] for row in rows)
-    gaps = tuple(coverage.gaps(first, end))
-    return Signals(first, found[0].rate, stride, tuple(names), units, samples, gaps)
-
-
-def _cut(signals: Signals, first: int, last: int | None) -> Signals:
-    """Return the columns whose index lies between `first` and `last`."""
-    before = max(0, -(-(first - signals.first_sample) // signals.stride))
-    behind = None if last is None else max(0, (last - signals.first_sample) // signals.stride + 1)
-    samples = signals.samples[:, before:behind]
-    begin = signals.first_sample + before * signals.stride
-    end = begin + samples.shape[1] * signals.stride
-    gaps = [(max(start, begin), min(stop, end - 1)) for start, stop in signals.gaps]
-    return replace(
-        signals,
-        first_sample=begin,
-        samples=samples,
-        gaps=tuple((start, stop) for start, stop in gaps if start <= stop),
-    )

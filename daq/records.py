@@ -47,7 +47,8 @@ LARGEST_CHUNK = 1 << 28  # bytes; one that says it is larger is damaged
 
 HEAD = struct.Struct("<BQ")  # kind and length of a record
 SIZE = struct.Struct("<I")
-FOOTER_SIZE = HEAD.size + 20 + len(MAGIC)  # from the footer's first byte to the end of the file
+FOOTER = struct.Struct("<QQI")  # where the summary and its offsets begin, checksum
+FOOTER_SIZE = HEAD.size + FOOTER.size + len(MAGIC)  # from the footer's first byte to the end of the file
 CHUNK = struct.Struct("<QQQI")  # times of the first and last message, uncompressed size, checksum
 CHANNEL = struct.Struct("<HH")  # channel and schema
 MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
@@ -167,18 +168,28 @@ class RecordFile:
             channels.add(int.from_bytes(head[HEAD.size :], "little"))
             position += HEAD.size + length
 
+    def summary(self) -> bytes | None:
+        """Return the summary of a file that was closed; None when there is none or its checksum is wrong."""
+        footer_at = self.size - FOOTER_SIZE
+        footer = self.read(footer_at, FOOTER_SIZE) if self.closed else b""
+        if len(footer) < FOOTER_SIZE or footer[0] != Op.FOOTER:
+            return None
+        start, _offsets, crc = FOOTER.unpack_from(footer, HEAD.size)
+        if not HEAD.size + SIZE.size < start <= footer_at:
+            return None
+        data = os.pread(self._fd, footer_at - start, start)
+        covered = footer[: HEAD.size + FOOTER.size - SIZE.size]
+        return data if crc in (0, zlib.crc32(covered, zlib.crc32(data))) else None
+
     def checksum_holds(self) -> bool:
         """Whether the data and the summary of a closed file have the checksums that stand in it."""
-        footer = self.read(self.size - FOOTER_SIZE, FOOTER_SIZE)
-        summary, _offsets, summary_crc = struct.unpack_from("<QQI", footer, HEAD.size)
-        data_end = summary - HEAD.size - SIZE.size
-        if not 0 < data_end < self.size or self.read(data_end, 1) != bytes((Op.DATA_END,)):
+        summary = self.summary()
+        if summary is None:
             return False
-        (data_crc,) = SIZE.unpack(self.read(summary - SIZE.size, SIZE.size))
-        return data_crc in (0, self._crc(0, data_end)) and summary_crc in (
-            0,
-            self._crc(summary, self.size - len(MAGIC) - SIZE.size),
-        )
+        end = self.size - FOOTER_SIZE - len(summary) - HEAD.size - SIZE.size
+        kind, length = HEAD.unpack(self.read(end, HEAD.size))
+        (crc,) = SIZE.unpack(self.read(end + HEAD.size, SIZE.size))
+        return (kind, length) == (Op.DATA_END, SIZE.size) and crc in (0, self._crc(0, end))
 
     def _is_disguised(self, record: Record, head: bytes) -> bool:
         """Whether a record is a chunk although it says otherwise, or a chunk whose two lengths differ."""
@@ -230,7 +241,7 @@ def unpack_chunk(content: bytes) -> bytes:
     """
     try:
         _first, _last, size, crc = CHUNK.unpack_from(content)
-        compression, position = _text(content, CHUNK.size)
+        compression, position = text_at(content, CHUNK.size)
         data = content[position + LONG.size :]
         if compression == "zstd":
             if size > LARGEST_CHUNK or zstandard.frame_content_size(data) not in (size, -1):
@@ -264,7 +275,7 @@ def split_chunk(data: bytes) -> Iterator[tuple[int, str] | RawMessage]:
                 yield RawMessage(channel, sequence, log_time, data[start + MESSAGE.size : position])
             elif kind == Op.CHANNEL:
                 number, _schema = CHANNEL.unpack_from(data, start)
-                yield number, _text(data, start + CHANNEL.size)[0]
+                yield number, text_at(data, start + CHANNEL.size)[0]
     except (struct.error, UnicodeDecodeError) as error:
         raise Damage(str(error)) from error
 
@@ -276,12 +287,12 @@ def read_metadata(content: bytes) -> tuple[str, dict[str, str]]:
         Damage: it is not readable.
     """
     try:
-        name, position = _text(content, 0)
+        name, position = text_at(content, 0)
         position += SIZE.size
         texts = {}
         while position < len(content):
-            key, position = _text(content, position)
-            texts[key], position = _text(content, position)
+            key, position = text_at(content, position)
+            texts[key], position = text_at(content, position)
     except (struct.error, UnicodeDecodeError) as error:
         raise Damage(str(error)) from error
     return name, texts
@@ -297,8 +308,8 @@ def read_attachment(content: bytes) -> tuple[str, bytes]:
         (crc,) = SIZE.unpack(content[-SIZE.size :])
         if crc not in (0, zlib.crc32(content[: -SIZE.size])):
             raise Damage("its checksum is wrong")
-        name, position = _text(content, 2 * LONG.size)
-        _media_type, position = _text(content, position)
+        name, position = text_at(content, 2 * LONG.size)
+        _media_type, position = text_at(content, position)
     except (struct.error, UnicodeDecodeError) as error:
         raise Damage(str(error)) from error
     return name, content[position + LONG.size : -SIZE.size]
@@ -309,7 +320,7 @@ def seal(texts: dict[str, str]) -> str:
     return f"{zlib.crc32(json.dumps(texts, sort_keys=True).encode()):08x}"
 
 
-def _text(data: bytes, position: int) -> tuple[str, int]:
+def text_at(data: bytes, position: int) -> tuple[str, int]:
     """Return the text that stands at `position` and the position behind it."""
     (size,) = SIZE.unpack_from(data, position)
     start = position + SIZE.size

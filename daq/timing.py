@@ -1,10 +1,11 @@
-"""When sample 0 was, by the host's clock."""
+"""When sample 0 was by the host's clock, and from there when any other was."""
 
 from collections.abc import Callable
 from time import monotonic_ns, time_ns
 from typing import NamedTuple
 
 ATTEMPTS = 5
+NS = 10**9
 
 
 class StartTime(NamedTuple):
@@ -17,6 +18,22 @@ class StartTime(NamedTuple):
     def timestamp(self, sample: int, rate: float) -> float:
         """Return the UTC of a sample in s since 1970."""
         return self.t0_ns * 1e-9 + sample / rate
+
+
+class SampleClock:
+    """Turns sample indices of a run into ns since 1970 UTC, as exact integers."""
+
+    def __init__(self, t0_ns: int, rate: float) -> None:
+        self.t0_ns = t0_ns
+        self._samples, self._seconds = rate.as_integer_ratio()
+
+    def ns(self, sample: int) -> int:
+        """Return when a sample happened, rounded down to 1 ns."""
+        return self.t0_ns + self.elapsed_ns(sample)
+
+    def elapsed_ns(self, sample: int) -> int:
+        """Return the time from sample 0 to a sample, rounded down to 1 ns."""
+        return sample * NS * self._seconds // self._samples
 
 
 def start_timed(start: Callable[[], None]) -> StartTime:
