@@ -19,6 +19,7 @@ from daq.guard import guard_of
 from daq.messages import BlockStatus
 from daq.messages_pb2 import ALARM, INFO, WARNING, Answer, Command, Status
 from daq.rig import Rig
+from daq.shaft import Shaft
 from daq.stream import Stream
 from daq.timing import StartTime, start_timed
 
@@ -62,6 +63,7 @@ class Acquisition:
         self._paced = backend.capabilities.paced
         self._flags = int(BlockStatus.EMULATED) if backend.capabilities.emulated else 0
         self._truth = backend if isinstance(backend, TruthSource) else None
+        self._shaft = Shaft(rig)
         self._guard = guard_of(rig)
         self._protection = protection.initial_state(self._guard)
         self._raw = np.empty((n_channels, read))
@@ -124,6 +126,7 @@ class Acquisition:
             return 0
         flags = self._flags | reading.flags | self._note_gap(reading) | self._lateness()
         values = self._calibrate(reading)
+        self._shaft.add(values, reading.first_sample)
         verdict = protection.check(values, reading.first_sample, self._protection, self._guard)
         self._protection = verdict.state
         if not verdict.sensors_ok:
@@ -234,7 +237,8 @@ class Acquisition:
 
     def _carry_out(self, command: Command, sample: int) -> Answer:
         """Perform an accepted command. Raises `CommandError` or `PastSampleError` when it is refused."""
-        decision = self.commands.decide(command, Situation(sample, self.first_out, self.ending))
+        now = Situation(sample, self.first_out, self.ending, self._shaft.motion())
+        decision = self.commands.decide(command, now)
         if command.name == "reset":
             self._reset()
         if decision.output:

@@ -6,13 +6,14 @@ loses it. Each refusal is one plain sentence that says what is allowed.
 """
 
 from collections.abc import Callable
-from math import isfinite, tau
+from math import degrees, isfinite, tau
 from typing import NamedTuple
 from uuid import uuid4
 
 from daq.backend import HitOutput, Output, RestOutput, SpeedOutput
 from daq.messages_pb2 import Command
 from daq.rig import Rig
+from daq.shaft import Motion
 from simulator.rig import Solenoid
 from simulator.validation import nearest
 
@@ -21,6 +22,8 @@ COUNTED_PAUSE = 0.025
 held up hears the renewals that wait for it before it judges."""
 LONGEST_SCHEDULE = 10.0
 """s: how far ahead an output may be scheduled."""
+ANGLE_LEAD = 0.02
+"""s from a command to the earliest sample of an output that waits for a shaft angle: devices need some."""
 LONGEST_TEXT = 500
 """Characters of a mark."""
 SLOWEST_RAMP = 0.01
@@ -29,7 +32,7 @@ SLOWEST_RAMP = 0.01
 TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "arm": ((), ()),
     "speed": (("speed_hz", "ramp_hz_per_s", "at_sample"), ()),
-    "hit": (("force", "duration", "at_sample"), ("solenoid",)),
+    "hit": (("force", "duration", "at_sample", "angle"), ("solenoid",)),
     "stop": ((), ()),
     "trip": ((), ("text",)),
     "reset": ((), ()),
@@ -50,6 +53,7 @@ class Situation(NamedTuple):
     sample: int  # index that the device has reached
     first_out: str  # cause of the latched trip, empty when none
     ending: bool
+    motion: Motion | None = None  # of the shaft; None when it hardly turns, or that is not known
 
 
 class Decision(NamedTuple):
@@ -170,11 +174,14 @@ class Commands:
         solenoid = self._solenoid(command)
         force = _number(command, "force", 0.0, solenoid.max_force, "N")
         duration = _number(command, "duration", 1e-4, solenoid.max_duration, "s")
-        at_sample = self._scheduled(command, now)
+        at_angle = "angle" in command.values
+        at_sample = self._passage(command, now) if at_angle else self._scheduled(command, now)
         if max(now.sample, at_sample or 0) < self._busy_until:
             left = (self._busy_until - now.sample) / self._rig.acquisition.rate
             raise CommandError(f"another hit is still to end, in {left:.3f} s: one hit at a time")
         text = f"hit by {solenoid.name} with {force:g} N for {duration:g} s"
+        if at_angle:
+            text += f" when the shaft is at {degrees(command.values['angle']):.0f} deg"
         return Decision(text, HitOutput(solenoid.name, force, duration), at_sample)
 
     def _stop(self, _command: Command, _now: Situation) -> Decision:
@@ -231,6 +238,15 @@ class Commands:
                 f"at_sample must be {now.sample + 1} to {latest:.0f}, not {wanted:.0f}: now to 10 s ahead"
             )
         return round(wanted)
+
+    def _passage(self, command: Command, now: Situation) -> int:
+        """Return the sample at which the shaft next comes to the angle of a command."""
+        if "at_sample" in command.values:
+            raise CommandError("a hit takes angle or at_sample, not both")
+        angle = _number(command, "angle", 0.0, tau, "rad")
+        if now.motion is None:
+            raise CommandError("the shaft hardly turns, or no encoder tells: leave angle out to hit at once")
+        return now.motion.passage(angle, now.sample + round(ANGLE_LEAD * self._rig.acquisition.rate))
 
 
 def _number(

@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import time
+from math import radians
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -37,6 +38,9 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     hit.add_argument("--solenoid", default="", help="default: the rig's first")
     hit.add_argument("--force", type=float, required=True, metavar="N", help="peak of the half sine")
     hit.add_argument("--duration", type=float, default=0.010, metavar="S", help="default: 0.010")
+    hit.add_argument(
+        "--angle", type=float, metavar="DEG", help="shaft angle at which it begins; default: now"
+    )
     names.add_parser("stop", help="bring the rotor to rest and disarm; recording goes on")
     names.add_parser("trip", help="bring the rotor to rest at once and latch it")
     names.add_parser("reset", help="clear a latched trip whose cause is gone")
@@ -68,6 +72,8 @@ def arguments_of(options: argparse.Namespace, rig: "Rig") -> tuple[dict[str, flo
     values = {name: value for name in names if (value := getattr(options, name, None)) is not None}
     texts = {"text": options.text} if options.name == "mark" else {}
     if options.name == "hit":
+        if options.angle is not None:
+            values["angle"] = radians(options.angle % 360.0)
         texts["solenoid"] = options.solenoid or next(iter(rig.solenoid_names), "")
     return values, texts
 

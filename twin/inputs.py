@@ -6,10 +6,10 @@ import numpy as np
 
 from daq.channels import Channel
 from daq.rig import Rig, RigError
+from daq.shaft import ENCODER, sense_of
 from twin.filter import Feeds, Sensors
 from twin.layout import HOUSE, TILT, Tuning
 
-ENCODER = "encoder_angle"
 CURRENT = "solenoid_current"
 LEAST_CROSSING = 0.1  # determinant of the probes' directions below which they lie in one line
 
@@ -53,11 +53,9 @@ def feeds_of(rig: Rig) -> Feeds:
         angle, moment = radians(solenoid.angle_deg), solenoid.station * solenoid.force_per_ampere
         currents.append(rig.channels.index(CURRENT))
         moments.append((moment * cos(angle), moment * sin(angle)))
-    row = rig.channels.index(ENCODER)
-    counts = np.sign(rig.channels[row].sensitivity) * (rig.encoder.direction if rig.encoder else 1)
     return Feeds(
-        row,
-        float(counts),
+        rig.channels.index(ENCODER),
+        sense_of(rig),
         np.array(currents, dtype=np.int64),
         np.array(moments, dtype=np.float64).reshape(-1, 2),
     )

@@ -309,6 +309,19 @@ def test_a_schedule_that_is_too_early_is_refused_in_words(bench):
     assert "needs 25 more" in answer.text
 
 
+def test_a_hit_by_shaft_angle_begins_there(bench):
+    bench.ask("arm")
+    bench.ask("speed", speed_hz=5.0, ramp_hz_per_s=50.0)
+    bench.go(1.0)
+    answer = bench.ask("hit", force=5.0, duration=0.002, angle=1.0)
+    assert answer.accepted
+    bench.go(0.3)
+    row = RIG.channels.index("encoder_angle")
+    angle = np.concatenate([block.samples[row] for block in bench.sink.blocks])[answer.sample]
+    # Two counts of 4096 a turn in the speed over 0.1 s, for a turn at most, and one sample.
+    assert angle == pytest.approx(1.0, abs=2 * tau * tau / 4096 / (0.1 * 5.0 * tau) + 0.002)
+
+
 def test_the_end_leaves_no_way_to_move(bench):
     bench.ask("arm")
     bench.acquisition.rest()

@@ -9,6 +9,7 @@ from daq.backend import HitOutput, RestOutput, SpeedOutput
 from daq.commands import COUNTED_PAUSE, CommandError, Commands, Situation
 from daq.messages_pb2 import Command
 from daq.rig import load_rig
+from daq.shaft import Motion
 
 RIG = load_rig("thesis-ball")
 ALL_OUTPUTS = (SpeedOutput, HitOutput, RestOutput)
@@ -170,6 +171,21 @@ def test_an_output_may_be_scheduled_within_ten_seconds(commands, lease):
     for sample in (1000.0, 251001.0, nan):
         said = refusal(commands, "hit", lease, force=1.0, duration=0.01, at_sample=sample)
         assert said == f"at_sample must be 1001 to 251000, not {sample:.0f}: now to 10 s ahead"
+
+
+def test_a_hit_may_wait_for_a_shaft_angle(commands, lease):
+    turning = NOW._replace(motion=Motion(sample=900, angle=1.0, speed=tau / 1000))
+    hit = decide(commands, "hit", lease, now=turning, force=1.0, duration=0.01, angle=0.5 * tau)
+    # 20 ms after the command it is sample 1500, and the angle is that of sample 900 + 340.8.
+    assert hit.at_sample == 900 + 341 + 1000
+    assert hit.text.endswith("when the shaft is at 180 deg")
+    said = refusal(commands, "hit", lease, force=1.0, duration=0.01, angle=1.0)
+    assert said == "the shaft hardly turns, or no encoder tells: leave angle out to hit at once"
+    both = {"angle": 1.0, "at_sample": 2000.0}
+    said = refusal(commands, "hit", lease, now=turning, force=1.0, duration=0.01, **both)
+    assert said == "a hit takes angle or at_sample, not both"
+    said = refusal(commands, "hit", lease, now=turning, force=1.0, duration=0.01, angle=7.0)
+    assert said == "angle must be 0 to 6.28319 rad, not 7"
 
 
 def test_anyone_may_stop_and_trip_at_any_time(commands, lease):
