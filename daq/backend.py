@@ -144,6 +144,8 @@ class TruthSource(Protocol):
 
 BACKENDS: dict[str, tuple[str, str]] = {
     "emulator": ("daq.backends.emulator", "Emulator"),
+    "opendaq": ("daq.backends.opendaq", "OpenDaq"),
+    "recording": ("daq.backends.recording", "RecordedDevice"),
 }
 
 
@@ -167,3 +169,27 @@ def _installed(name: str) -> Callable[..., Backend]:
         return entry.load()
     known = nearest(name, known_backends(), "installed are")
     raise BackendError(f"no backend is called {name}{known}")
+
+
+def address_of(rig: Rig, meaning: str) -> str:
+    """Return `[device] address` of a rig. Raises `BackendError` with its meaning where there is none."""
+    address = rig.device.get("address")
+    if not isinstance(address, str) or not address:
+        raise BackendError(f"[device] lacks address: {meaning}")
+    return address
+
+
+def take_rest(output: Output, at_sample: int | None, now: int, device: str) -> int:
+    """Do as `write` of a device that moves nothing: only a `RestOutput` is accepted, and nothing happens.
+
+    Args:
+        output: what is written.
+        at_sample: when it is to happen.
+        now: the device's clock.
+        device: how messages name it.
+    """
+    if not isinstance(output, RestOutput):
+        raise BackendError(f"{device} has no outputs: nothing can be moved with it")
+    if at_sample is not None and at_sample < now:
+        raise PastSampleError(f"sample {at_sample} is too early: the device is at {now}")
+    return now

@@ -40,8 +40,8 @@ __all__ = ["Rig", "RigError", "load_rig", "rig_from_text", "shipped_rigs", "with
 
 MODEL_TABLES = Model._fields
 TABLES = (
-    "rig", *MODEL_TABLES, "unbalance_mass", "command", "safe_state", "solenoid", "acquisition", "encoder",
-    "channel", "limits", "twin", "link", "emulator",
+    "rig", *MODEL_TABLES, "unbalance_mass", "command", "safe_state", "solenoid", "acquisition", "device",
+    "encoder", "channel", "limits", "twin", "link", "emulator",
 )  # fmt: skip
 NEEDED_BY_TWIN = ("proximity_x", "proximity_y", "encoder_angle", "motor_speed")
 
@@ -51,7 +51,7 @@ class Head(NamedTuple):
 
     name: NAME
     description: str
-    plan: str
+    plan: str = ""
 
 
 @dataclass(frozen=True)
@@ -60,11 +60,12 @@ class Rig:
 
     name: str
     description: str
-    plan: str  # performed when none is named
+    plan: str  # performed when none is named; empty for a rig that nothing moves
     model: Model | None  # what the twin is told; None for a rig without a model
     solenoids: tuple[Solenoid, ...]
     channels: ChannelTable
     acquisition: AcquisitionSettings
+    device: Mapping[str, Any]  # what the backend wants to know: its address and whatever else
     command: CommandSettings
     safe_state: SafeStateSettings
     limits: Limits
@@ -167,6 +168,7 @@ def _validated(tables: Mapping[str, Any]) -> Rig:
         solenoids=_solenoids(tables),
         channels=channels,
         acquisition=tuple_at(AcquisitionSettings, _table(tables, "acquisition"), "[acquisition]"),
+        device=_table(tables, "device", {}),
         command=tuple_at(CommandSettings, _table(tables, "command"), "[command]"),
         safe_state=tuple_at(SafeStateSettings, _table(tables, "safe_state"), "[safe_state]"),
         limits=_limits(_table(tables, "limits"), channels),

@@ -54,7 +54,7 @@ def run_list(options: argparse.Namespace) -> int:
         )
         return 0
     for rig in rigs:
-        print(f"{rig.name:16} {rig.description}")
+        print(f"{rig.name:19} {rig.description}")
     return 0
 
 
@@ -84,7 +84,8 @@ def run_check(options: argparse.Namespace) -> int:
     find(options.rig, "rig")
     try:
         rig = load_rig(options.rig, options.set)
-        load_plan(rig.plan, rig)
+        if rig.plan:
+            load_plan(rig.plan, rig)
     except (RigError, PlanError) as error:
         print(json.dumps({"valid": False, "error": str(error)}) if options.json else error)
         return 1
@@ -104,7 +105,7 @@ def summary(rig: "Rig") -> str:
     return (
         f"{rig.name} is valid: {len(rig.channels)} channels at {acquisition.rate:g} Hz, "
         f"backend {acquisition.backend}, {len(rig.solenoids)} solenoid(s), twin {rig.twin.model}, "
-        f"plan {rig.plan}"
+        f"plan {rig.plan or 'none'}"
     )
 
 

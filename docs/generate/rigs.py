@@ -75,7 +75,9 @@ TABLES: tuple[tuple[type, str, dict[str, str]], ...] = (
     (
         settings.AcquisitionSettings,
         "`[acquisition]`",
-        {"backend": "`emulator`, or the name of an installed [backend](../how-to/write-a-backend.md)"},
+        {
+            "backend": "`emulator`, or what reads [another device](../how-to/connect-a-device.md)",
+        },
     ),
     (
         settings.EncoderSettings,
@@ -127,5 +129,6 @@ def shipped() -> str:
     """Return the rigs that come with the product."""
     rigs = [load_rig(name) for name in shipped_rigs()]
     return table(
-        ("name", "is", "plan"), [[f"`{rig.name}`", rig.description, f"`{rig.plan}`"] for rig in rigs]
+        ("name", "is", "plan"),
+        [[f"`{rig.name}`", rig.description, f"`{rig.plan}`" if rig.plan else "–"] for rig in rigs],
     )

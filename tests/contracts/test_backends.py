@@ -31,8 +31,8 @@ class TestSlowCoarseEmulator(BackendConformance):
 def test_an_unknown_backend_is_refused_with_the_known_ones():
     with pytest.raises(BackendError, match="no backend is called emulater; did you mean emulator"):
         make_backend("emulater")
-    with pytest.raises(BackendError, match=r"no backend is called nidaq; installed are .*emulator"):
-        make_backend("nidaq")
+    with pytest.raises(BackendError, match=r"no backend is called scope; installed are .*emulator"):
+        make_backend("scope")
 
 
 def test_the_emulator_is_known():

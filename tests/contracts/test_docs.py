@@ -26,6 +26,7 @@ PAGES = (
     "reference/recording.md",
     "reference/rig-file.md",
     "explanation/coordinates.md",
+    "how-to/connect-a-device.md",
     "how-to/describe-a-rig.md",
     "how-to/mend-a-recording.md",
     "how-to/prove-a-recording.md",

@@ -135,7 +135,7 @@ def test_show_tells_when_each_step_begins(call):
     assert steps[1] == {"begins": 0.5, "does": "10.5 Hz by 12 Hz/s (into the resonance)"}
 
 
-@pytest.mark.parametrize("rig", shipped_rigs())
+@pytest.mark.parametrize("rig", [name for name in shipped_rigs() if load_rig(name).plan])
 def test_each_shipped_rig_completes_its_own_plan_on_its_model(call, rig):
     code, said = call("plan", "check", load_rig(rig).plan, "--rig", rig, "--json")
     found = json.loads(said)
