@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from daq.plan import Plan, load_plan
     from daq.recording import Recording, RecordingError
     from daq.rig import Rig, RigError, load_rig, rig_from_text, shipped_rigs
+    from replay.export import export
     from rigtwin.simulate_command import simulate
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "RecordingError",
     "Rig",
     "RigError",
+    "export",
     "load_plan",
     "load_rig",
     "rig_from_text",
@@ -33,6 +35,7 @@ _HOMES = {
     "RecordingError": "daq.recording",
     "Rig": "daq.rig",
     "RigError": "daq.rig",
+    "export": "replay.export",
     "load_plan": "daq.plan",
     "load_rig": "daq.rig",
     "rig_from_text": "daq.rig",

@@ -2,8 +2,6 @@
 
 import argparse
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -33,6 +31,7 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
 def run_verify(options: argparse.Namespace) -> int:
     """Compare; return 1 when the answer is another one."""
     from replay.verify import DIFFERENT, text, verify
+    from rigtwin.progress import progress
 
     with progress(options.file) as advance:
         found = verify(options.file, advance)
@@ -44,22 +43,9 @@ def run_twin(options: argparse.Namespace) -> int:
     """Estimate anew and say what came of it."""
     from replay.info import brief
     from replay.rerun import estimate
+    from rigtwin.progress import progress
 
     with progress(options.file) as advance:
         estimate(options.file, options.output, advance)
     print(brief(options.output))
     return 0
-
-
-@contextmanager
-def progress(path: Path) -> Iterator[Callable[[int], object]]:
-    """Show how far a recording has been run through, on standard error."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    from replay.history import expected_end
-
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(path.name, total=expected_end(path))
-        yield lambda sample: bar.update(task, completed=sample)

@@ -28,6 +28,7 @@ PAGES = (
     "explanation/coordinates.md",
     "how-to/connect-a-device.md",
     "how-to/describe-a-rig.md",
+    "how-to/export-a-recording.md",
     "how-to/mend-a-recording.md",
     "how-to/prove-a-recording.md",
     "how-to/read-a-recording.md",
