@@ -29,6 +29,7 @@ QUANTITIES: dict[str, dict[str, float]] = {
     "current": {"A": 1.0, "mA": 1e3},
     "voltage": {"V": 1.0, "mV": 1e3},
     "temperature": {"K": 1.0},
+    "contact": {"1": 1.0},
 }
 
 
@@ -53,6 +54,7 @@ class Channel(NamedTuple):
         float, Quantity("s", 0.0, 1.0, "of sensor and filter; for information, not applied")
     ] = 0.0
     anti_alias: bool = False
+    stuck: Annotated[float | None, Quantity("s", 1e-4, 600.0, "unchanged for so long, it is not OK")] = None
     certificate: str | None = None
     calibrated: datetime.date | None = None
     due: datetime.date | None = None

@@ -1,18 +1,22 @@
 """What protection needs of a rig: limits, and how the limited quantities follow from the channels."""
 
-from collections.abc import Iterable, Sequence
-from math import cos, inf, isfinite, radians, sin
+from collections.abc import Iterable, Mapping, Sequence
+from math import cos, isfinite, radians, sin, tau
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from daq.channels import Channel
+from daq.limits import Limit
 from daq.rig import Rig
+from daq.sensor_check import SensorGuard, samples_of, sensor_guard
 from simulator.validation import RigError
 
-SENSOR_PERSISTENCE = 0.010
-"""s: how long a sensor is not OK before it counts."""
+RATE_WINDOW = 0.020
+"""s over which the change of a speed is taken."""
+LEAST_CROSSING = 0.1
+"""Sine of the angle between two probes from which on they see two directions."""
 WARNING_HOLD = 1.0
 """s below the level before the same warning may be given again."""
 
@@ -24,79 +28,141 @@ class Plane(NamedTuple):
     weights: NDArray[np.float32]  # (2, number of rows)
 
 
+class Multiplier(NamedTuple):
+    """Raises a condition's levels while the speed is in a band: the resonance is passed."""
+
+    factor: float
+    low: float  # rad/s
+    high: float
+    longest: int  # samples in the band in a row after which the levels are as they were
+    planes: tuple[Plane, ...]  # the measured speeds
+
+
 class Condition(NamedTuple):
-    """One limited quantity: the largest length among `planes` against the levels."""
+    """One limited quantity: of the lengths of `planes` at each sample, the `votes`-th largest counts."""
 
     name: str
     planes: tuple[Plane, ...]
     warn: float
     trip: float
     persistence: int  # samples
+    votes: int = 1
+    window: int = 0  # samples over which its change is what is limited; 0: the quantity itself
+    per_second: float = 1.0  # turns the change over the window into a rate
+    multiplier: Multiplier | None = None
 
 
 class Guard(NamedTuple):
-    """All that `check` needs of a rig; the arrays have one row for each channel."""
+    """All that `check` needs of a rig."""
 
     conditions: tuple[Condition, ...]
-    channels: tuple[str, ...]
-    protecting: tuple[bool, ...]
-    lowest: NDArray[np.float32]  # (n_channels, 1): least value of a sensor that is OK
-    highest: NDArray[np.float32]
-    sensor_persistence: int  # samples
+    sensors: SensorGuard
     warning_hold: int  # samples
 
 
 def guard_of(rig: Rig) -> Guard:
-    """Return the rig's limits in the form that `check` takes."""
-    channels = tuple(rig.channels)
-    rate = rig.acquisition.rate
-    planes = {
-        "displacement": displacement_planes(channels, rig.model.rotor.bearing_station if rig.model else None),
-        "force": force_planes(channels),
-        "speed": speed_planes(channels),
-    }
+    """Return the rig's limits in the form that `check` takes. Raises `RigError`."""
     conditions = tuple(
-        Condition(name, planes[name], limit.warn, limit.trip, samples_of(limit.persistence, rate))
-        for name, limit in rig.limits._asdict().items()
-        if isfinite(limit.trip)
+        condition_of(name, limit, rig) for name, limit in rig.limits._asdict().items() if isfinite(limit.trip)
     )
-    for condition in conditions:
-        if not condition.planes:
-            raise RigError(
-                f"[limits.{condition.name}] protects nothing: no {condition.name} channel has an angle_deg "
-                "(speed: none is measured)"
-            )
-    used = {
-        row for condition in conditions for plane in condition.planes for row in rows_of(plane, len(channels))
-    }
-    bounds = np.array([ok_bounds(channel) for channel in channels], dtype=np.float32).reshape(-1, 2)
-    return Guard(
-        conditions,
-        tuple(channel.name for channel in channels),
-        tuple(row in used for row in range(len(channels))),
-        np.ascontiguousarray(bounds[:, :1]),
-        np.ascontiguousarray(bounds[:, 1:]),
-        samples_of(SENSOR_PERSISTENCE, rate),
-        samples_of(WARNING_HOLD, rate),
+    alone = [
+        row
+        for condition in conditions
+        if condition.votes == 1
+        for plane in condition.planes
+        for row in rows_of(plane, len(rig.channels))
+    ]
+    rate = rig.acquisition.rate
+    sensors = sensor_guard(tuple(rig.channels), rate, alone)
+    return Guard(conditions, sensors, samples_of(WARNING_HOLD, rate))
+
+
+def condition_of(name: str, limit: Limit, rig: Rig) -> Condition:
+    """Return one limit with the sensors on which it rests. Raises `RigError`."""
+    planes, rate = planes_of(name, limit.votes, rig), rig.acquisition.rate
+    if not planes:
+        quantity = name.partition("_")[0]
+        raise RigError(
+            f"[limits.{name}] protects nothing: no {quantity} channel has an angle_deg "
+            "(speed: none is measured)"
+        )
+    if limit.votes > len(planes):
+        raise RigError(
+            f"[limits.{name}] votes = {limit.votes}, but there are only {len(planes)} independent "
+            "measurements"
+        )
+    window = samples_of(RATE_WINDOW, rate) if name == "speed_rate" else 0
+    return Condition(
+        name,
+        planes,
+        limit.warn,
+        limit.trip,
+        samples_of(limit.persistence, rate),
+        limit.votes,
+        window,
+        rate / window if window else 1.0,
+        multiplier_of(name, limit, rig),
     )
 
 
-def displacement_planes(channels: Sequence[Channel], bearing_station: float | None) -> tuple[Plane, ...]:
+def multiplier_of(name: str, limit: Limit, rig: Rig) -> Multiplier | None:
+    """Return what raises a limit's levels; None when nothing does. Raises `RigError`."""
+    if limit.multiplier_hz is None:
+        return None
+    speeds = speed_planes(tuple(rig.channels))
+    if not speeds:
+        raise RigError(f"[limits.{name}] multiplier_hz needs a channel that measures the speed")
+    low, high = (tau * hz for hz in limit.multiplier_hz)
+    longest = samples_of(limit.multiplier_time, rig.acquisition.rate)
+    return Multiplier(limit.multiplier, low, high, longest, speeds)
+
+
+def planes_of(name: str, votes: int, rig: Rig) -> tuple[Plane, ...]:
+    """Return the measurements of a limited quantity."""
+    channels = tuple(rig.channels)
+    if name == "displacement":
+        station = rig.model.rotor.bearing_station if rig.model else None
+        return displacement_planes(channels, station, apart=votes > 1)
+    return force_planes(channels) if name == "force" else speed_planes(channels)
+
+
+def displacement_planes(
+    channels: Sequence[Channel], bearing_station: float | None, apart: bool = False
+) -> tuple[Plane, ...]:
     """Return how the shaft's centre follows from the displacement probes.
 
     With a bearing station all probes are scaled to the bearing's plane (rigid rotor on a pivot, station 0)
     and solved together; without one each plane of probes stands for itself. A plane with fewer than two
-    directions gives one projection for each probe, which is the best that can be known.
+    directions gives one projection for each probe, which is the best that can be known. `apart` gives as
+    many independent measurements as there are crossing pairs of probes at one station, for voting.
     """
-    groups: dict[float | None, list[tuple[int, float, float]]] = {}
+    groups: dict[object, list[tuple[int, float, float]]] = {}
     for row, channel in enumerate(channels):
         if channel.quantity != "displacement" or channel.angle_deg is None:
             continue
-        group, scale = channel.station, 1.0
+        group: object = channel.station
+        scale = 1.0
         if bearing_station is not None and channel.station:
             group, scale = bearing_station, bearing_station / channel.station
-        groups.setdefault(group, []).append((row, scale, radians(channel.angle_deg)))
+        probe = (row, scale, radians(channel.angle_deg))
+        if apart:
+            group = free_partner(groups, channel.station, probe)
+        groups.setdefault(group, []).append(probe)
     return tuple(plane for probes in groups.values() for plane in solve_plane(probes))
+
+
+def free_partner(
+    groups: Mapping[object, Sequence[tuple[int, float, float]]],
+    station: float | None,
+    probe: tuple[int, float, float],
+) -> tuple[float | None, int]:
+    """Return the group of a probe at the station that this one crosses and completes, or a new group."""
+    number = 0
+    while members := groups.get((station, number)):
+        if len(members) == 1 and abs(sin(members[0][2] - probe[2])) > LEAST_CROSSING:
+            break
+        number += 1
+    return station, number
 
 
 def solve_plane(probes: Sequence[tuple[int, float, float]]) -> tuple[Plane, ...]:
@@ -132,23 +198,18 @@ def speed_planes(channels: Sequence[Channel]) -> tuple[Plane, ...]:
     )
 
 
-def ok_bounds(channel: Channel) -> tuple[float, float]:
-    """Return the least and largest value of a channel whose sensor is OK, in the channel's unit."""
-    if channel.ok is None:
-        return -inf, inf
-    ends = [(volts - channel.offset) / channel.sensitivity for volts in channel.ok]
-    return min(ends), max(ends)
-
-
-def samples_of(seconds: float, rate: float) -> int:
-    """Return a duration in samples, at least one."""
-    return max(1, round(seconds * rate))
-
-
 def magnitude(samples: NDArray[np.float32], planes: Iterable[Plane]) -> NDArray[np.float32]:
     """Return the length of the vector at each sample; of several planes the largest."""
-    lengths = [length(samples, plane) for plane in planes]
-    return lengths[0] if len(lengths) == 1 else np.maximum.reduce(lengths)
+    return voted([length(samples, plane) for plane in planes], 1)
+
+
+def voted(lengths: Sequence[NDArray[np.float32]], votes: int) -> NDArray[np.float32]:
+    """Return at each sample the `votes`-th largest; what is not a number counts as the largest."""
+    if len(lengths) == 1:
+        return lengths[0]
+    if votes == 1:
+        return np.maximum.reduce(lengths)
+    return np.sort(lengths, axis=0)[-votes]
 
 
 def length(samples: NDArray[np.float32], plane: Plane) -> NDArray[np.float32]:

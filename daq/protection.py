@@ -5,20 +5,35 @@ state, and returns the state after it. Nothing here knows a device, a clock or t
 function answers on old recordings what other limits would have done.
 
 A level counts when it has been exceeded on `persistence` consecutive samples. The first trip latches as
-the first-out; later ones do not replace it. A sample that is not a number counts as exceeding. A channel
-that protects (displacement, force, speed) and whose sensor is not OK for 10 ms trips too, because a
-blind protection is none; any other channel's sensor only warns.
+the first-out; later ones do not replace it. A sample that is not a number counts as exceeding. Where
+measurements vote, as many of them as the limit says must exceed together, and one whose sensor is not OK
+votes for exceeding. A sensor that is not OK (`daq.sensor_check`) trips by itself where a limit rests on it
+without a vote, because a blind protection is none; any other only warns.
 """
 
-from math import pi
+from math import inf, pi
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.guard import Condition, Guard, magnitude
+from daq.guard import Condition, Guard, Multiplier, length, magnitude, rows_of, voted
+from daq.sensor_check import (
+    SensorGuard,
+    SensorState,
+    SensorVerdict,
+    check_sensors,
+    initial_sensors,
+    not_ok,
+    run_lengths,
+)
 
-SHOWN = {"displacement": (1e6, "µm"), "force": (1.0, "N"), "speed": (0.5 / pi, "Hz")}
+SHOWN = {
+    "displacement": (1e6, "µm"),
+    "force": (1.0, "N"),
+    "speed": (0.5 / pi, "Hz"),
+    "speed_rate": (0.5 / pi, "Hz/s"),
+}
 """Factor and unit in which people read each limited quantity."""
 
 
@@ -45,13 +60,17 @@ class ConditionState(NamedTuple):
     above_warn: int
     quiet: int  # samples since a warning's level was last exceeded
     maximum: float  # of the last read
+    calm: bool  # whether the last read was nowhere above the warning level
+    in_band: int  # consecutive samples with the speed in the multiplier's band
+    past: NDArray[np.float32]  # newest samples, as many as the window of a rate; empty after a gap
 
 
 class ProtectionState(NamedTuple):
     """What `check` remembers from read to read."""
 
     conditions: tuple[ConditionState, ...]  # in the guard's order
-    not_ok: tuple[int, ...]  # for each channel: consecutive samples on which the sensor was not OK
+    sensors: SensorState
+    next_sample: int  # index with which the next read begins when nothing is lost
     first_out: Trip | None
 
 
@@ -66,8 +85,8 @@ class Verdict(NamedTuple):
 
 def initial_state(guard: Guard) -> ProtectionState:
     """Return the state before the first sample: nothing exceeded, nothing latched."""
-    calm = ConditionState(0, 0, guard.warning_hold, 0.0)
-    return ProtectionState((calm,) * len(guard.conditions), (0,) * len(guard.channels), None)
+    calm = ConditionState(0, 0, guard.warning_hold, 0.0, True, 0, np.empty(0, np.float32))
+    return ProtectionState((calm,) * len(guard.conditions), initial_sensors(guard.sensors), 0, None)
 
 
 def check(samples: NDArray[np.float32], first_sample: int, state: ProtectionState, guard: Guard) -> Verdict:
@@ -75,21 +94,36 @@ def check(samples: NDArray[np.float32], first_sample: int, state: ProtectionStat
 
     Args:
         samples: (n_channels, n) in the channels' units, n at least 1.
-        first_sample: index of the first column. After a gap the counts go on as if there were none.
+        first_sample: index of the first column. After a gap the counts go on as if there were none; the
+            window of a rate begins anew.
         state: as returned for the read before, or `initial_state`.
         guard: of the rig.
     """
-    found: list[Trip | Warned] = []
+    sensors = check_sensors(samples, state.sensors, guard.sensors)
+    found = findings_of(sensors, first_sample, guard.sensors)
     conditions = []
     for condition, before in zip(guard.conditions, state.conditions, strict=True):
-        values = magnitude(samples, condition.planes)
-        conditions.append(check_condition(condition, values, first_sample, before, guard.warning_hold, found))
-    not_ok, sensors_ok = check_sensors(samples, first_sample, state.not_ok, guard, found)
+        if first_sample != state.next_sample:
+            before = before._replace(past=before.past[:0])
+        conditions.append(
+            check_condition(condition, samples, sensors.bad, first_sample, before, guard.warning_hold, found)
+        )
     trips = [finding for finding in found if isinstance(finding, Trip)]
     trip = min(trips, key=lambda candidate: candidate.sample) if trips and state.first_out is None else None
     warnings = tuple(finding for finding in found if isinstance(finding, Warned))
-    after = ProtectionState(tuple(conditions), not_ok, state.first_out or trip)
-    return Verdict(after, trip, warnings, sensors_ok)
+    end = first_sample + samples.shape[1]
+    after = ProtectionState(tuple(conditions), sensors.state, end, state.first_out or trip)
+    return Verdict(after, trip, warnings, sensors.in_range)
+
+
+def findings_of(sensors: SensorVerdict, first_sample: int, guard: SensorGuard) -> list[Trip | Warned]:
+    """Return what the sensors that have become not OK lead to."""
+    found: list[Trip | Warned] = []
+    for row, column, text in sensors.faults:
+        kind = Trip if guard.trips[row] else Warned
+        cause = guard.names[row] if guard.contacts[row] else f"sensor {guard.names[row]}"
+        found.append(kind(cause, first_sample + column, text))
+    return found
 
 
 def latch(state: ProtectionState, trip: Trip) -> ProtectionState:
@@ -100,91 +134,115 @@ def latch(state: ProtectionState, trip: Trip) -> ProtectionState:
 def reset(state: ProtectionState, guard: Guard) -> tuple[ProtectionState, str]:
     """Return the state without its latch and an empty text, or the same state and why it stays latched.
 
-    A cause lives as long as the last read exceeded a warning level or found a sensor that is not OK.
+    A cause lives as long as the last read exceeded a warning level or ended with a sensor that is not OK.
     """
     for condition, now in zip(guard.conditions, state.conditions, strict=True):
-        if not now.maximum <= condition.warn:
-            value = shown(condition.name, now.maximum)
-            return state, f"{condition.name} is still {value}, above the warning level"
-    for name, protects, count in zip(guard.channels, guard.protecting, state.not_ok, strict=True):
-        if protects and count:
+        if not now.calm:
+            return state, sentence(condition.name, now.maximum, "warning", condition.warn)
+    for row in not_ok(state.sensors, guard.sensors):
+        if guard.sensors.trips[row]:
+            name = guard.sensors.names[row]
+            if guard.sensors.contacts[row]:
+                return state, f"the safety contact {name} is still open"
             return state, f"the sensor of {name} is still not OK"
     return state._replace(first_out=None), ""
 
 
 def check_condition(
     condition: Condition,
-    values: NDArray[np.float32],
+    samples: NDArray[np.float32],
+    bad: NDArray[np.bool_] | None,
     first_sample: int,
     before: ConditionState,
     hold: int,
     found: list[Trip | Warned],
 ) -> ConditionState:
     """Compare one quantity with its levels; append what counts to `found`, return the new state."""
-    largest = float(values.max())
-    reached, above_trip = persisting(
-        values, condition.trip, largest, before.above_trip, condition.persistence
-    )
+    values, past = limited(condition, samples, bad, before)
+    factors, in_band = raised(condition.multiplier, samples, before.in_band)
+    relative = values if factors is None else values / factors
+    largest, maximum = float(relative.max()), float(values.max())
+    if largest <= condition.warn:
+        quiet = min(before.quiet + samples.shape[1], hold)
+        return ConditionState(0, 0, quiet, maximum, True, in_band, past)
+
+    def said(column: int, kind: str, level: float) -> str:
+        factor = 1.0 if factors is None else float(factors[column])
+        return sentence(condition.name, float(values[column]), kind, level * factor)
+
+    reached, above_trip = persisting(relative, condition.trip, before.above_trip, condition.persistence)
     if reached is not None:
-        text = sentence(condition.name, float(values[reached]), "trip", condition.trip)
-        found.append(Trip(condition.name, first_sample + reached, text))
-    reached, above_warn = persisting(
-        values, condition.warn, largest, before.above_warn, condition.persistence
-    )
+        text = said(reached, "trip", condition.trip)
+        found.append(Trip(plain(condition.name), first_sample + reached, text))
+    reached, above_warn = persisting(relative, condition.warn, before.above_warn, condition.persistence)
     if reached is not None and before.quiet >= hold:
-        text = sentence(condition.name, float(values[reached]), "warning", condition.warn)
-        found.append(Warned(condition.name, first_sample + reached, text))
-    exceeded = reached is not None
-    quiet = 0 if exceeded else min(before.quiet + len(values), hold)
-    return ConditionState(above_trip, above_warn, quiet, largest)
+        text = said(reached, "warning", condition.warn)
+        found.append(Warned(plain(condition.name), first_sample + reached, text))
+    quiet = 0 if reached is not None else min(before.quiet + samples.shape[1], hold)
+    return ConditionState(above_trip, above_warn, quiet, maximum, False, in_band, past)
 
 
-def check_sensors(
+def limited(
+    condition: Condition,
     samples: NDArray[np.float32],
-    first_sample: int,
-    before: tuple[int, ...],
-    guard: Guard,
-    found: list[Trip | Warned],
-) -> tuple[tuple[int, ...], bool]:
-    """Look for sensors outside their OK range; return the counts and whether all are OK now."""
-    ok = (samples >= guard.lowest) & (samples <= guard.highest)
-    if ok.all():
-        return (0,) * len(before), True
-    counts = []
-    for row, (name, protects) in enumerate(zip(guard.channels, guard.protecting, strict=True)):
-        reached, count = consecutive(~ok[row], before[row], guard.sensor_persistence)
-        counts.append(count)
-        if reached is None or before[row] >= guard.sensor_persistence:
-            continue
-        kind = Trip if protects else Warned
-        value = float(samples[row, reached])
-        text = f"the sensor of {name} is not OK: its value {value:g} is outside the OK range"
-        found.append(kind(f"sensor {name}", first_sample + reached, text))
-    return tuple(counts), False
+    bad: NDArray[np.bool_] | None,
+    before: ConditionState,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the limited quantity at each sample, and what the next read needs of this one."""
+    lengths = [length(samples, plane) for plane in condition.planes]
+    if condition.window:
+        joined = np.concatenate([before.past.reshape(len(lengths), -1), lengths], axis=1)
+        lengths = list(rates(joined, condition, samples.shape[1]))
+        past = joined[:, -condition.window :].copy()
+    else:
+        past = before.past
+    if bad is not None and condition.votes > 1:
+        for plane, values in zip(condition.planes, lengths, strict=True):
+            values[bad[rows_of(plane, len(samples))].any(axis=0)] = inf
+    return voted(lengths, condition.votes), past
+
+
+def rates(joined: NDArray[np.float32], condition: Condition, count: int) -> NDArray[np.float32]:
+    """Return the rate at each of the last `count` samples; 0 as long as the window is not full."""
+    found = np.zeros((len(joined), count), np.float32)
+    full = min(count, max(0, joined.shape[1] - condition.window))
+    if full:
+        ends, begins = joined[:, -full:], joined[:, -full - condition.window : -condition.window]
+        found[:, -full:] = np.abs(ends - begins) * condition.per_second
+    return found
+
+
+def raised(
+    multiplier: Multiplier | None, samples: NDArray[np.float32], in_band: int
+) -> tuple[NDArray[np.float64] | None, int]:
+    """Return the factor on the levels at each sample, and for how long the speed has been in the band."""
+    if multiplier is None:
+        return None, 0
+    speed = magnitude(samples, multiplier.planes)
+    runs = run_lengths((speed >= multiplier.low) & (speed <= multiplier.high), in_band)
+    passing = (runs > 0) & (runs <= multiplier.longest)
+    return np.where(passing, multiplier.factor, 1.0), int(runs[-1])
 
 
 def persisting(
-    values: NDArray[np.float32], level: float, largest: float, run: int, persistence: int
+    values: NDArray[np.floating], level: float, run: int, persistence: int
 ) -> tuple[int | None, int]:
-    """Return the column at which `level` has been exceeded `persistence` times in a row, and the run."""
-    if largest <= level:
-        return None, 0
-    return consecutive(~(values <= level), run, persistence)
-
-
-def consecutive(above: NDArray[np.bool_], run: int, needed: int) -> tuple[int | None, int]:
-    """Return the first column at which true values are `needed` in a row, and the run at the end."""
-    reached = None
-    for column, is_above in enumerate(above.tolist()):
-        run = run + 1 if is_above else 0
-        if run >= needed and reached is None:
-            reached = column
-    return reached, run
+    """Return the first column at which `level` was exceeded `persistence` times in a row, and the run."""
+    runs = run_lengths(~(values <= level), run)
+    reached = runs >= persistence
+    return (int(reached.argmax()) if reached.any() else None), int(runs[-1])
 
 
 def sentence(name: str, value: float, kind: str, level: float) -> str:
     """Say that a level was exceeded, in the units that people read."""
-    return f"{name} {shown(name, value)} is above the {kind} level of {shown(name, level)}"
+    if value == inf:
+        return f"{plain(name)} cannot be told: too few of its sensors are OK"
+    return f"{plain(name)} {shown(name, value)} is above the {kind} level of {shown(name, level)}"
+
+
+def plain(name: str) -> str:
+    """Return a limit's name as people say it."""
+    return name.replace("_", " ")
 
 
 def shown(name: str, value: float) -> str:

@@ -16,19 +16,14 @@ import tomli_w
 
 from daq import toml_source
 from daq.channels import Channel, ChannelTable, checked_table
+from daq.limits import Limits, limits_of
 from daq.settings import (
-    NO_LIMIT,
     AcquisitionSettings,
     CommandSettings,
-    DisplacementLimit,
     EmulatorSettings,
     EncoderSettings,
-    ForceLimit,
-    Limit,
-    Limits,
     LinkSettings,
     SafeStateSettings,
-    SpeedLimit,
     TwinSettings,
 )
 from simulator.faults import Fault, check_fault, damaged, of_sensor, schedule
@@ -171,7 +166,7 @@ def _validated(tables: Mapping[str, Any]) -> Rig:
         device=_table(tables, "device", {}),
         command=tuple_at(CommandSettings, _table(tables, "command"), "[command]"),
         safe_state=tuple_at(SafeStateSettings, _table(tables, "safe_state"), "[safe_state]"),
-        limits=_limits(_table(tables, "limits"), channels),
+        limits=limits_of(_table(tables, "limits"), channels),
         encoder=tuple_at(EncoderSettings, tables["encoder"], "[encoder]") if "encoder" in tables else None,
         twin=tuple_at(TwinSettings, _table(tables, "twin"), "[twin]"),
         link=tuple_at(LinkSettings, _table(tables, "link", {}), "[link]"),
@@ -237,31 +232,6 @@ def _solenoids(tables: Mapping[str, Any]) -> tuple[Solenoid, ...]:
         if names.count(name) > 1:
             raise RigError(f"[[solenoid]] {name} stands there twice; each name must be unique")
     return tuple(solenoids)
-
-
-def _limits(table: Mapping[str, Any], channels: ChannelTable) -> Limits:
-    """Read the limits; one may be missing only where the rig has no channel of its quantity."""
-    kinds = {"displacement": DisplacementLimit, "force": ForceLimit, "speed": SpeedLimit}
-    for name in table:
-        if name not in kinds:
-            raise RigError(f"[limits.{name}] is not a limit{nearest(name, kinds, 'the limits are')}")
-    found = {name: _limit(table, name, kind, channels) for name, kind in kinds.items()}
-    speed = found["speed"]
-    return Limits(**found | {"speed": speed._replace(warn=tau * speed.warn, trip=tau * speed.trip)})
-
-
-def _limit(table: Mapping[str, Any], name: str, kind: type, channels: ChannelTable) -> Limit:
-    """Read one limit, in the file's unit."""
-    if name not in table:
-        if channels.of_quantity(name):
-            raise RigError(f"table [limits.{name}] is missing, and the rig has {name} channels; protect them")
-        return NO_LIMIT
-    limit = Limit(*tuple_at(kind, table[name], f"[limits.{name}]"))
-    if limit.warn > limit.trip:
-        raise RigError(
-            f"[limits.{name}] warn = {limit.warn:g} is above trip = {limit.trip:g}; warn comes first"
-        )
-    return limit
 
 
 def _actual_model(tables: Mapping[str, Any], model: Model | None, actual: Any) -> Model | None:

@@ -4,7 +4,9 @@ from datetime import date
 from math import inf, tau
 
 from daq.channels import Channel
+from daq.guard import guard_of
 from daq.rig import Rig
+from daq.sensor_check import CONTACT
 
 DIGITAL = ("angle", "count")
 """Quantities of counters, which need no anti-alias filter."""
@@ -13,7 +15,7 @@ DIGITAL = ("angle", "count")
 def warnings(rig: Rig, today: date) -> list[str]:
     """Return one sentence for each doubt about a valid rig."""
     found = [text for channel in rig.channels for text in _of_channel(channel, rig, today)]
-    return found + _unreachable_trips(rig)
+    return found + _unwatched(rig) + _unreachable_trips(rig)
 
 
 def _of_channel(channel: Channel, rig: Rig, today: date) -> list[str]:
@@ -27,6 +29,16 @@ def _of_channel(channel: Channel, rig: Rig, today: date) -> list[str]:
             f"channel {channel.name}: no anti-alias filter; vibration above {half:g} Hz will be folded"
         )
     return found
+
+
+def _unwatched(rig: Rig) -> list[str]:
+    """Return the protecting sensors of which nobody would notice that they are open or saturated."""
+    guard = guard_of(rig)
+    return [
+        f"channel {name}: a limit rests on it, but it has no ok: an open sensor would not be noticed"
+        for name, trips in zip(guard.sensors.names, guard.sensors.trips, strict=True)
+        if trips and rig.channels[name].ok is None and rig.channels[name].quantity != CONTACT
+    ]
 
 
 def _unreachable_trips(rig: Rig) -> list[str]:

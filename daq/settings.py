@@ -1,10 +1,10 @@
-"""The tables of a rig description that concern acquisition, protection and the link, as named tuples.
+"""The tables of a rig description that concern acquisition, commands and the link, as named tuples.
 
 Field names are the keys of the TOML file, units included; properties give the SI values that the
 programs compute with.
 """
 
-from math import inf, pi, tau
+from math import pi, tau
 from typing import Annotated, Literal, NamedTuple
 
 from simulator.validation import Quantity
@@ -54,56 +54,6 @@ class SafeStateSettings(NamedTuple):
     def ramp(self) -> float:
         """Ramp of the speed to zero, rad/s2."""
         return tau * self.ramp_hz_per_s
-
-
-PERSISTENCE = Annotated[float, Quantity("s", 0.0, 10.0, "time above the level before it counts")]
-
-
-class Limit(NamedTuple):
-    """A protection limit in SI units: m, N or rad/s."""
-
-    warn: float
-    trip: float
-    persistence: float
-    reason: str
-
-
-class DisplacementLimit(NamedTuple):
-    """Table `[limits.displacement]`: radius of the shaft's centre at the backup bearing's plane."""
-
-    warn: Annotated[float, Quantity("m", 0.0, 1.0, "radius that warns")]
-    trip: Annotated[float, Quantity("m", 1e-7, 1.0, "radius that trips")]
-    persistence: PERSISTENCE
-    reason: str
-
-
-class ForceLimit(NamedTuple):
-    """Table `[limits.force]`: resultant of the force transducers."""
-
-    warn: Annotated[float, Quantity("N", 0.0, 1e7, "force that warns")]
-    trip: Annotated[float, Quantity("N", 1e-3, 1e7, "force that trips")]
-    persistence: PERSISTENCE
-    reason: str
-
-
-class SpeedLimit(NamedTuple):
-    """Table `[limits.speed]`: written in Hz."""
-
-    warn: Annotated[float, Quantity("Hz", 0.0, 1e5, "speed that warns")]
-    trip: Annotated[float, Quantity("Hz", 1e-3, 1e5, "speed that trips")]
-    persistence: PERSISTENCE
-    reason: str
-
-
-class Limits(NamedTuple):
-    """Protection limits in SI units; `NO_LIMIT` where the rig has no channel of that quantity."""
-
-    displacement: Limit
-    force: Limit
-    speed: Limit
-
-
-NO_LIMIT = Limit(inf, inf, 0.0, "the rig has no channel for it")
 
 
 class EncoderSettings(NamedTuple):

@@ -183,6 +183,7 @@ class Solenoid(NamedTuple):
     max_force: Annotated[float, Quantity("N", 0.0, 1e5, "largest peak that may be commanded")]
     max_duration: Annotated[float, Quantity("s", 1e-4, 1.0, "longest pulse that may be commanded")]
     force_per_ampere: Annotated[float, Quantity("N/A", 1e-3, 1e5, "turns the current channel into a force")]
+    max_duty: Annotated[float, Quantity("1", 0.0, 1.0, "share of any 10 s in which it may be on")] = 1.0
 
 
 def model_from_mapping(tables: Mapping[str, Mapping[str, Any]], parent: str = "") -> Model:

@@ -20,6 +20,9 @@ from simulator.state import SIGNALS
 
 VOLTS, ANGLE_COUNTS, TURN_COUNTS = 0, 1, 2
 
+CLOSED = 1.0
+"""What a safety contact gives as long as nothing is wrong; a fault `open` opens it."""
+
 ROWS = {name: row for row, name in enumerate(SIGNALS)}
 
 
@@ -100,6 +103,8 @@ def source_of(
         return along(channel, "tilt", station, imperfections.displacement_noise)
     if channel.quantity == "force":
         return along(channel, "house", model.housing.transducer_stiffness, imperfections.force_noise)
+    if channel.quantity == "contact":
+        return Source(VOLTS, 0, 0, 0.0, 0.0, CLOSED, 0.0, converted=False)
     if channel.name in ("encoder_angle", "encoder_turns"):
         return encoder_source(channel, encoder)
     named = {

@@ -1,6 +1,6 @@
 """The tables of a rig description."""
 
-from daq import settings
+from daq import limits, settings
 from daq.channels import QUANTITIES, Channel
 from daq.rig import Head, load_rig, shipped_rigs
 from docs.generate.fields import section
@@ -41,6 +41,7 @@ CHANNEL = {
     "station": "with `angle_deg`, or neither:",
     "cutoff_hz": "for information:",
     "anti_alias": "whether an analogue anti-alias filter stands before the converter; without one a warning",
+    "stuck": "an analogue sensor always has some noise;",
     "certificate": "of the calibration",
     "calibrated": "day of the calibration",
     "due": "day on which the next calibration is due; a warning when it has passed",
@@ -85,9 +86,10 @@ TABLES: tuple[tuple[type, str, dict[str, str]], ...] = (
         {"direction": "1: counts up when the shaft turns counter-clockwise seen from the free end; -1: down"},
     ),
     (Channel, "`[[channel]]`", CHANNEL),
-    (settings.DisplacementLimit, "`[limits.displacement]`", REASON),
-    (settings.ForceLimit, "`[limits.force]`", REASON),
-    (settings.SpeedLimit, "`[limits.speed]`", REASON),
+    (limits.DisplacementLimit, "`[limits.displacement]`", REASON),
+    (limits.ForceLimit, "`[limits.force]`", REASON),
+    (limits.SpeedLimit, "`[limits.speed]`", REASON),
+    (limits.SpeedRateLimit, "`[limits.speed_rate]`", REASON),
     (settings.CommandSettings, "`[command]`", {}),
     (settings.SafeStateSettings, "`[safe_state]`", {}),
     (

@@ -262,7 +262,7 @@ def test_a_trip_is_reset_only_when_its_cause_is_gone(bench):
         bench.go(0.01)
     refused = bench.ask("reset")
     assert not refused.accepted
-    assert refused.text.startswith("the cause lives: speed is still 2")
+    assert refused.text.startswith("the cause lives: speed 2")
     bench.go(2.0)
     assert bench.ask("reset").accepted
     assert bench.acquisition.state == "idle"

@@ -1,22 +1,47 @@
 """Protection: limits on every sample, persistence, latch, first-out and reset."""
 
+import tomllib
 from dataclasses import replace
 from math import cos, inf, nan, radians, sin, tau
 
 import numpy as np
 import pytest
+import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daq.channels import ChannelTable
 from daq.guard import displacement_planes, guard_of, length, magnitude
-from daq.protection import Trip, Warned, check, consecutive, initial_state, latch, reset
-from daq.rig import load_rig
+from daq.limits import NO_LIMIT
+from daq.protection import Trip, Warned, check, initial_state, latch, reset
+from daq.rig import load_rig, rig_from_text, with_overrides
+from daq.sensor_check import run_lengths
 from simulator.rig import RigError
 
-RIG = load_rig("thesis-ball")
+
+def plainly_limited():
+    """The shipped rig with the limits that every rig has, so that constant samples are no fault."""
+    tables = tomllib.loads(load_rig("thesis-ball").toml)
+    tables["limits"].pop("speed_rate")
+    for row in tables["channel"]:
+        row.pop("stuck", None)
+    return rig_from_text(tomli_w.dumps(tables))
+
+
+RIG = plainly_limited()
 GUARD = guard_of(RIG)
 NAMES = RIG.channels.names
+CONTACT = """
+[[channel]]
+name = "emergency_stop"
+quantity = "contact"
+unit = "1"
+display_unit = "1"
+terminal = "di0"
+sensitivity = 5.0
+offset = 0.0
+range = [0.0, 6.0]
+"""
 SCALE = 0.3035 / 0.211
 PERSISTENCE = 10
 N = 50
@@ -38,11 +63,11 @@ def above(first, count, level, n=N, base=0.0):
     return row
 
 
-def after(*reads):
+def after(*reads, guard=GUARD):
     """Verdicts of successive reads from sample 0 on."""
-    state, verdicts, sample = initial_state(GUARD), [], 0
+    state, verdicts, sample = initial_state(guard), [], 0
     for values in reads:
-        verdict = check(values, sample, state, GUARD)
+        verdict = check(values, sample, state, guard)
         verdicts.append(verdict)
         state, sample = verdict.state, sample + values.shape[1]
     return verdicts
@@ -179,7 +204,7 @@ def test_warns_once_until_it_was_quiet_for_a_second():
 def test_reset_is_refused_while_the_cause_lives():
     (verdict,) = after(samples(force_top=above(0, N, 401.0)))
     state, refused = reset(verdict.state, GUARD)
-    assert refused == "force is still 401 N, above the warning level"
+    assert refused == "force 401 N is above the warning level of 150 N"
     assert state.first_out is not None
 
 
@@ -245,14 +270,14 @@ def test_a_limit_without_a_channel_that_can_tell_is_refused():
         guard_of(replace(RIG, channels=ChannelTable(told)))
 
 
-@given(st.lists(st.booleans(), max_size=60), st.integers(0, 30), st.integers(1, 30))
-def test_consecutive_counts_like_a_person_would(flags, run, needed):
-    reached, expected_run = None, run
-    for column, flag in enumerate(flags):
-        expected_run = expected_run + 1 if flag else 0
-        if reached is None and expected_run >= needed:
-            reached = column
-    assert consecutive(np.array(flags, bool), run, needed) == (reached, expected_run)
+@given(st.lists(st.booleans(), min_size=1, max_size=60), st.integers(0, 30))
+def test_runs_are_counted_as_a_person_would(flags, run):
+    expected = []
+    for flag in flags:
+        run = run + 1 if flag else 0
+        expected.append(run)
+    before = expected[0] - 1 if flags[0] else 7
+    assert run_lengths(np.array(flags, bool), before).tolist() == expected
 
 
 @settings(max_examples=50, deadline=None)
@@ -267,3 +292,202 @@ def test_the_verdict_does_not_depend_on_how_the_samples_are_read(forces, data):
         in_parts = after(*parts)
     trips = [verdict.trip for verdict in in_parts if verdict.trip]
     assert trips == ([at_once.trip] if at_once.trip else [])
+
+
+def with_contact():
+    rig = rig_from_text(CONTACT + RIG.toml)
+    return rig, guard_of(rig)
+
+
+def contact(*values):
+    """Samples of the rig with an emergency-stop contact as its last channel."""
+    rows = samples(len(values))
+    return np.vstack([rows, np.array(values, np.float32)])
+
+
+def test_an_open_safety_contact_trips_after_its_bouncing_and_is_first_out():
+    rig, guard = with_contact()
+    at = rig.channels.index("emergency_stop")
+    order = [*range(at + 1, len(rig.channels)), at] if at == 0 else list(range(len(rig.channels)))
+    rows = np.empty((len(rig.channels), 60), np.float32)
+    rows[order] = contact(*[1.0] * 5, *[0.0] * 49, *[1.0] * 6)
+    (bounced,) = after(rows, guard=guard)
+    assert bounced.trip is None
+    rows[at, 5:] = 0.0
+    (opened,) = after(rows, guard=guard)
+    assert opened.trip == Trip("emergency_stop", 54, "the safety contact emergency_stop is open")
+    assert reset(opened.state, guard)[1] == "the safety contact emergency_stop is still open"
+    rows[at] = 1.0
+    closed = check(rows, 60, opened.state, guard)
+    assert reset(closed.state, guard)[1] == ""
+
+
+def test_a_stuck_sensor_trips_when_its_time_is_over():
+    guard = guard_of(with_overrides(RIG, ["channel.force_top.stuck=0.004"]))
+    noisy = np.resize([0.1, -0.1], N)
+    frozen = samples(force_top=np.where(np.arange(N) < 10, noisy, 7.0))
+    verdicts = after(frozen, samples(force_top=7.0), samples(force_top=7.0), guard=guard)
+    assert [bool(verdict.trip) for verdict in verdicts] == [False, False, True]
+    assert verdicts[2].trip == Trip(
+        "sensor force_top",
+        110,
+        "the sensor of force_top is not OK: its value 7 has not changed for too long",
+    )
+    assert reset(verdicts[2].state, guard)[1] == "the sensor of force_top is still not OK"
+    moving = check(samples(force_top=noisy), 150, verdicts[2].state, guard)
+    assert reset(moving.state, guard)[1] == ""
+
+
+def test_a_sensor_that_changes_in_time_is_not_stuck():
+    guard = guard_of(with_overrides(RIG, ["channel.force_top.stuck=0.004"]))
+    row = np.repeat([1.0, 2.0, 3.0, 4.0], 100)  # 100 samples: 99 without a change
+    assert not any(verdict.trip for verdict in after(*[samples(400, force_top=row)] * 2, guard=guard))
+
+
+RATE = with_overrides(
+    RIG,
+    ["limits.speed_rate.warn=70", "limits.speed_rate.trip=100", "limits.speed_rate.persistence=0.002",
+     "limits.speed_rate.reason=the drive gives 50 Hz/s"],
+)  # fmt: skip
+
+
+def ramp(hz_per_s, first=0, n=N, until=10**9):
+    """Speeds of a ramp that begins at sample 0 and ends at sample `until`."""
+    return tau * hz_per_s * np.minimum(np.arange(first, first + n), until) / RIG.acquisition.rate
+
+
+def test_a_speed_that_changes_too_fast_trips_over_the_window():
+    guard = guard_of(RATE)
+    assert guard.conditions[-1].window == 500
+    for hz_per_s, trips in ((101.0, True), (-101.0, True), (99.0, False)):
+        reads = [samples(motor_speed=ramp(hz_per_s, at, until=1000)) for at in range(0, 1500, N)]
+        tripped = [verdict.trip for verdict in after(*reads, guard=guard) if verdict.trip]
+        assert bool(tripped) == trips
+        if trips:
+            assert tripped[0].cause == "speed rate"
+            # 500 samples fill the window, 50 are the persistence
+            assert tripped[0].sample == 549
+            assert tripped[0].text == "speed rate 101 Hz/s is above the trip level of 100 Hz/s"
+
+
+def test_a_step_of_the_speed_is_a_rate_as_long_as_the_window_sees_it():
+    guard = guard_of(RATE)
+    step = np.where(np.arange(2000) < 1000, 0.0, tau * 2.5)  # 2.5 Hz in 20 ms: 125 Hz/s
+    (verdict,) = after(samples(2000, motor_speed=step), guard=guard)
+    assert verdict.trip.sample == 1000 + 50 - 1
+    assert verdict.state.conditions[-1].maximum == pytest.approx(125.0 * tau)
+
+
+def test_lost_samples_are_no_rate():
+    guard = guard_of(RATE)
+    (before,) = after(samples(1000, motor_speed=1.0), guard=guard)
+    gap = check(samples(1000, motor_speed=100.0), 5000, before.state, guard)
+    assert gap.trip is None
+    joined = check(samples(1000, motor_speed=100.0), 1000, before.state, guard)
+    assert joined.trip
+
+
+def voting(votes, count=3):
+    """A rig with that many tachometers, of which so many must agree."""
+    channels = [
+        *RIG.channels,
+        *(RIG.channels["motor_speed"]._replace(name=f"t{n}") for n in range(count - 1)),
+    ]
+    speed = RIG.limits.speed._replace(votes=votes)
+    rig = replace(RIG, channels=ChannelTable(tuple(channels)), limits=RIG.limits._replace(speed=speed))
+    return guard_of(rig)
+
+
+def tachometers(*speeds, n=1000):
+    return np.vstack(
+        [samples(n, motor_speed=speeds[0]), *(np.full((1, n), speed, np.float32) for speed in speeds[1:])]
+    )
+
+
+FAST, SLOW, BROKEN = 23.0 * tau, 10.0 * tau, 500.0
+
+
+@pytest.mark.parametrize(
+    ("speeds", "trips"),
+    [((FAST, SLOW, SLOW), False), ((SLOW, FAST, FAST), True), ((FAST, FAST, FAST), True),
+     ((nan, SLOW, SLOW), False), ((nan, FAST, SLOW), True)],
+)  # fmt: skip
+def test_two_of_three_must_agree(speeds, trips):
+    (verdict,) = after(tachometers(*speeds), guard=voting(2))
+    assert bool(verdict.trip) == trips
+
+
+def test_a_voting_sensor_that_is_not_ok_warns_and_votes_for_the_trip():
+    guard = voting(2)
+    (one,) = after(tachometers(BROKEN, SLOW, SLOW), guard=guard)
+    assert one.trip is None
+    assert [warned.cause for warned in one.warnings] == ["sensor motor_speed"]
+    assert reset(latch(one.state, Trip("manual", 0, "")), guard)[1] == ""
+    (two,) = after(tachometers(BROKEN, SLOW, -BROKEN), guard=guard)
+    assert two.trip == Trip("speed", 499, "speed cannot be told: too few of its sensors are OK")
+    low = guard._replace(sensors=guard.sensors._replace(highest=np.full_like(guard.sensors.highest, 70.0)))
+    (blind,) = after(tachometers(71.0, 1.0, 71.0), guard=low)
+    assert blind.trip == Trip("speed", 748, "speed cannot be told: too few of its sensors are OK")
+    assert reset(blind.state, low)[1] == "speed cannot be told: too few of its sensors are OK"
+
+
+def test_more_votes_than_measurements_are_refused():
+    with pytest.raises(RigError, match=r"\[limits.speed\] votes = 4, but there are only 3 independent"):
+        voting(4)
+
+
+def test_four_probes_in_a_plane_are_two_measurements():
+    channels = [
+        RIG.channels["proximity_x"]._replace(name=f"probe_{angle}", angle_deg=float(angle), station=0.2)
+        for angle in (45, 225, 135, 315)
+    ]
+    planes = displacement_planes(channels, 0.2, apart=True)
+    assert [plane.rows for plane in planes] == [[0, 2], [1, 3]]
+    x, y = 0.4e-3, -0.9e-3
+    seen = [x * cos(radians(c.angle_deg)) + y * sin(radians(c.angle_deg)) for c in channels]
+    for plane in planes:
+        assert length(np.array(seen, np.float32)[:, None], plane)[0] == pytest.approx(
+            np.hypot(x, y), rel=1e-6
+        )
+
+
+PASSING = with_overrides(
+    RIG,
+    ["limits.force.multiplier=1.5", "limits.force.multiplier_hz=[8.0, 12.0]",
+     "limits.force.multiplier_time=0.1"],
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("hz", "force", "trips"),
+    [(10.0, 599.0, False), (10.0, 601.0, True), (7.9, 401.0, True), (12.1, 401.0, True), (8.01, 401.0, False),
+     (11.99, 401.0, False)],
+)  # fmt: skip
+def test_levels_are_raised_while_the_resonance_is_passed(hz, force, trips):
+    (verdict,) = after(samples(motor_speed=tau * hz, force_top=force), guard=guard_of(PASSING))
+    assert bool(verdict.trip) == trips
+    if force == 601.0:
+        assert verdict.trip.text == "force 601 N is above the trip level of 600 N"
+        still = reset(verdict.state, guard_of(PASSING))[1]
+        assert still == "force 601 N is above the warning level of 150 N"
+
+
+def test_who_stays_in_the_resonance_gets_the_plain_levels_again():
+    guard, reads = guard_of(PASSING), [samples(motor_speed=tau * 10.0, force_top=450.0)] * 60
+    tripped = [verdict.trip for verdict in after(*reads, guard=guard) if verdict.trip]
+    assert [trip.sample for trip in tripped] == [2500 + PERSISTENCE - 1]
+    assert tripped[0].text == "force 450 N is above the trip level of 400 N"
+
+
+def test_a_multiplier_without_its_band_is_refused():
+    with pytest.raises(RigError, match="has only one of multiplier and multiplier_hz"):
+        with_overrides(RIG, ["limits.force.multiplier=1.5"])
+    no_speed = replace(
+        PASSING,
+        channels=ChannelTable(tuple(channel for channel in RIG.channels if channel.quantity != "speed")),
+        limits=PASSING.limits._replace(speed=NO_LIMIT),
+    )
+    with pytest.raises(
+        RigError, match=r"\[limits.force\] multiplier_hz needs a channel that measures the speed"
+    ):
+        guard_of(no_speed)
