@@ -2,11 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from daq.certificate import Coverage
 from daq.messages import Samples, Series
+from daq.optional import optional
+
+EXTRA = "export"
+"""The extra that installs the packages for tables and file formats."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +43,51 @@ class Signals:
     def time(self) -> np.ndarray:
         """Time of each column in s since sample 0, (n_columns,)."""
         return (self.first_sample + self.stride * np.arange(self.samples.shape[1])) / self.rate
+
+    def to_pandas(self) -> Any:
+        """Return a pandas DataFrame of a column a channel, by time in s; `attrs` has units and rate.
+
+        Raises:
+            MissingPackage: pandas is not installed.
+        """
+        pandas = optional("pandas", "to_pandas", EXTRA)
+        index = pandas.Index(self.time, name="time")
+        frame = pandas.DataFrame(self.samples.T, index, list(self.names))
+        frame.attrs.update(
+            {"units": dict(zip(self.names, self.units, strict=True)), "rate": self.column_rate}
+        )
+        return frame
+
+    def to_xarray(self) -> Any:
+        """Return an xarray Dataset of a variable a channel, over `time` in s, each with its units.
+
+        Raises:
+            MissingPackage: xarray is not installed.
+        """
+        xarray = optional("xarray", "to_xarray", EXTRA)
+        columns = zip(self.names, self.units, self.samples, strict=True)
+        return xarray.Dataset(
+            {name: ("time", samples, {"units": unit}) for name, unit, samples in columns},
+            {"time": ("time", self.time, {"units": "s"})},
+            {"rate": self.column_rate},
+        )
+
+    def to_arrow(self) -> Any:
+        """Return a pyarrow Table of `time` in s and a column a channel, each field with its unit."""
+        import pyarrow
+
+        units = zip(self.names, self.units, strict=True)
+        fields = [
+            pyarrow.field("time", pyarrow.float64(), metadata={"unit": "s"}),
+            *(pyarrow.field(name, pyarrow.float32(), metadata={"unit": unit}) for name, unit in units),
+        ]
+        schema = pyarrow.schema(fields, metadata={"rate": repr(self.column_rate)})
+        return pyarrow.table([pyarrow.array(self.time), *map(pyarrow.array, self.samples)], schema)
+
+    @property
+    def column_rate(self) -> float:
+        """Columns in a second."""
+        return self.rate / self.stride
 
 
 def series_end(series: Series) -> int:

@@ -76,7 +76,7 @@ def export(
             target,
             len(beginning.names),
             count.samples,
-            beginning.rate / beginning.stride,
+            beginning.column_rate,
             count.gaps,
             stretch.damage,
         )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from daq.plan import Plan, load_plan
-    from daq.recording import Recording, RecordingError
+    from daq.recording import Recording, RecordingError, Signals
     from daq.rig import Rig, RigError, load_rig, rig_from_text, shipped_rigs
     from replay.export import export
     from rigtwin.simulate_command import simulate
@@ -21,6 +21,7 @@ __all__ = [
     "RecordingError",
     "Rig",
     "RigError",
+    "Signals",
     "export",
     "load_plan",
     "load_rig",
@@ -35,6 +36,7 @@ _HOMES = {
     "RecordingError": "daq.recording",
     "Rig": "daq.rig",
     "RigError": "daq.rig",
+    "Signals": "daq.recording",
     "export": "replay.export",
     "load_plan": "daq.plan",
     "load_rig": "daq.rig",

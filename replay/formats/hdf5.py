@@ -11,7 +11,8 @@ import numpy as np
 
 from daq.optional import optional
 from daq.recording import Signals
-from replay.formats.head import EXTRA, Head
+from daq.signals import EXTRA
+from replay.formats.head import Head
 
 CHUNK = 65536  # samples that lie together
 

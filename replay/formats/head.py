@@ -6,9 +6,6 @@ import numpy as np
 
 from daq.recording import SampleClock
 
-EXTRA = "export"
-"""The extra that installs the formats' packages."""
-
 
 class Column(NamedTuple):
     """One channel; the last four are known of a rig's own channels only."""

@@ -12,7 +12,8 @@ import numpy as np
 
 from daq.optional import optional
 from daq.recording import Signals
-from replay.formats.head import EXTRA, Head
+from daq.signals import EXTRA
+from replay.formats.head import Head
 
 
 def write(path: Path, head: Head, pieces: Iterable[Signals]) -> None:

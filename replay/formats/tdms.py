@@ -10,7 +10,8 @@ from pathlib import Path
 
 from daq.optional import optional
 from daq.recording import Signals
-from replay.formats.head import EXTRA, Head
+from daq.signals import EXTRA
+from replay.formats.head import Head
 
 
 def write(path: Path, head: Head, pieces: Iterable[Signals]) -> None:
