@@ -1,4 +1,4 @@
-"""`python -m daq acquire` owns a rig's hardware; `python -m daq operate` performs plans on it."""
+"""`python -m daq acquire` owns a rig's hardware, `operate` performs plans on it, `device` is emulated."""
 
 import argparse
 import sys
@@ -35,6 +35,12 @@ def _parser() -> argparse.ArgumentParser:
     operate.add_argument("--rig", required=True, metavar="NAME|PATH", help="rig description")
     operate.add_argument("--plan", metavar="NAME|PATH", help="plan to perform (default: none)")
     operate.set_defaults(run_process=_operate)
+    device = processes.add_parser("device", help="be the emulated device of a daq, which starts this itself")
+    device.add_argument("--socket", type=int, required=True, metavar="N", help="inherited descriptor")
+    device.add_argument(
+        "--watchdog", type=float, required=True, metavar="S", help="silence that stops the rig"
+    )
+    device.set_defaults(run_process=_device)
     return parser
 
 
@@ -51,6 +57,13 @@ def _operate(options: argparse.Namespace) -> int:
     from daq.operator import operate
 
     operate(options.rig, options.plan)
+    return 0
+
+
+def _device(options: argparse.Namespace) -> int:
+    from daq.device import serve
+
+    serve(options.socket, options.watchdog)
     return 0
 
 

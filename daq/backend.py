@@ -144,6 +144,7 @@ class TruthSource(Protocol):
 
 BACKENDS: dict[str, tuple[str, str]] = {
     "emulator": ("daq.backends.emulator", "Emulator"),
+    "emulated-device": ("daq.backends.emulated_device", "EmulatedDevice"),
     "opendaq": ("daq.backends.opendaq", "OpenDaq"),
     "recording": ("daq.backends.recording", "RecordedDevice"),
 }

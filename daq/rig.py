@@ -38,6 +38,8 @@ TABLES = (
     "rig", *MODEL_TABLES, "unbalance_mass", "command", "safe_state", "solenoid", "acquisition", "device",
     "encoder", "channel", "limits", "twin", "link", "emulator",
 )  # fmt: skip
+EMULATORS = ("emulator", "emulated-device")
+"""Backends behind which there is a model: in the daq's process, and in one of its own."""
 NEEDED_BY_TWIN = ("proximity_x", "proximity_y", "encoder_angle", "motor_speed")
 
 
@@ -75,7 +77,7 @@ class Rig:
     @property
     def emulated(self) -> bool:
         """Whether a model stands in for the rig, so that nothing real can move."""
-        return self.acquisition.backend == "emulator"
+        return self.acquisition.backend in EMULATORS
 
     @property
     def emulated_model(self) -> Model:
@@ -297,7 +299,7 @@ def _check_link(rig: Rig) -> None:
 
 def _check_encoder(rig: Rig) -> None:
     """Counts a turn and the angle channel's sensitivity are the same fact."""
-    if rig.encoder is None or "encoder_angle" not in rig.channels or rig.acquisition.backend != "emulator":
+    if rig.encoder is None or "encoder_angle" not in rig.channels or not rig.emulated:
         return
     needed = rig.encoder.counts_per_turn / tau
     given = abs(rig.channels["encoder_angle"].sensitivity)
@@ -311,7 +313,7 @@ def _check_encoder(rig: Rig) -> None:
 def _check_model(rig: Rig) -> None:
     """The twin and the emulator have the model and the channels that they need."""
     wanted = [f"[twin] model = {rig.twin.model!r}"] if rig.twin.model != "none" else []
-    wanted += ["[acquisition] backend = 'emulator'"] if rig.acquisition.backend == "emulator" else []
+    wanted += [f"[acquisition] backend = {rig.acquisition.backend!r}"] if rig.emulated else []
     if wanted and rig.model is None:
         raise RigError(f"{wanted[0]} needs the tables {', '.join(MODEL_TABLES)}")
     if rig.twin.model == "none":

@@ -17,27 +17,15 @@ from daq.backend import (
     RestOutput,
     SpeedOutput,
 )
+from daq.backends.signals import TRUTH, TRUTH_UNITS
 from daq.messages import BlockStatus
 from daq.rig import Rig
 from simulator.faults import of_sensor
 from simulator.readings import Readings
 from simulator.sensors import sensor_table
 from simulator.simulation import Simulation, SimulationError
-from simulator.state import SIGNALS, TRUTH
+from simulator.state import SIGNALS
 
-UNITS = {
-    "tilt": "rad",
-    "tilt_rate": "rad/s",
-    "house": "m",
-    "house_rate": "m/s",
-    "ring_speed": "rad/s",
-    "angle": "rad",
-    "speed": "rad/s",
-    "contact_force": "N",
-    "normal_force": "N",
-    "penetration": "m",
-}
-"""Unit of each true signal, by its name without `_x` or `_y`."""
 OVERRUN, CLIPPED = int(BlockStatus.OVERRUN), int(BlockStatus.CLIPPED)
 RATES = (100.0, 1e6)
 CHUNK = 1000
@@ -60,7 +48,7 @@ class Emulator:
     """
 
     truth_names = TRUTH
-    truth_units = tuple(UNITS[name.removesuffix("_x").removesuffix("_y")] for name in TRUTH)
+    truth_units = TRUTH_UNITS
 
     def __init__(self, paced: bool = True, clock: Callable[[], float] = monotonic) -> None:
         self.capabilities = Capabilities(
@@ -110,6 +98,11 @@ class Emulator:
         self._next = 0
         self._stopped_at = None
         self._origin = self._now()
+
+    @property
+    def pace(self) -> tuple[float, float]:
+        """When sample 0 was, s of the device's clock, and the samples that follow in each of its seconds."""
+        return self._origin, self._opened().acquisition.rate
 
     def clock(self) -> int:
         """Return the number of samples taken."""

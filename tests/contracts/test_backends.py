@@ -21,6 +21,13 @@ class TestUnpacedEmulator(BackendConformance):
         return make_backend("emulator", paced=False)
 
 
+class TestEmulatedDevice(BackendConformance):
+    rig = load_rig("thesis-ball", ["acquisition.backend=emulated-device", "device.watchdog_s=10"])
+
+    def new_backend(self):
+        return make_backend("emulated-device")
+
+
 class TestSlowCoarseEmulator(BackendConformance):
     rig = load_rig("thesis-ball", ["acquisition.rate=10000.0", "acquisition.read=30", "acquisition.block=90"])
 
