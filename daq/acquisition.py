@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from daq import protection
 from daq.answers import Answers
-from daq.backend import Backend, PastSampleError, Reading, RestOutput, TruthSource
+from daq.backend import Backend, EnableOutput, Output, PastSampleError, Reading, RestOutput, TruthSource
 from daq.commands import CommandError, Commands, Situation
+from daq.envelope import Envelope, EnvelopeError, Present
 from daq.events import EventLog, Publish
 from daq.guard import guard_of
 from daq.messages import BlockStatus
@@ -58,6 +59,7 @@ class Acquisition:
         self.commands = Commands(rig, backend.capabilities.outputs)
         self._answers = Answers()
         self._backend = backend
+        self._envelope = Envelope(rig, backend)
         self._publish = publish
         self._given_t0 = t0_ns
         self._paced = backend.capabilities.paced
@@ -106,6 +108,7 @@ class Acquisition:
         else:
             self._backend.start()
             self.start_time = StartTime(self._given_t0, 0, "given")
+        self._set_enable(True)
         rig, truth = self.rig, self._truth
         named = (truth.truth_names, truth.truth_units) if truth else None
         self._stream = Stream(rig, self._guard, self.run, self.start_time, self._publish, named)
@@ -155,7 +158,7 @@ class Acquisition:
         sample = self._backend.clock()
         try:
             answer = self._carry_out(command, sample)
-        except (CommandError, PastSampleError) as error:
+        except (CommandError, EnvelopeError, PastSampleError) as error:
             answer = Answer(text=str(error), sample=sample)
         self._answers.keep(command.id, answer)
         reply(answer)
@@ -236,19 +239,18 @@ class Acquisition:
         return LATE if late else 0
 
     def _carry_out(self, command: Command, sample: int) -> Answer:
-        """Perform an accepted command. Raises `CommandError` or `PastSampleError` when it is refused."""
+        """Perform an accepted command. Raises what it is refused by: rules, envelope or device."""
         now = Situation(sample, self.first_out, self.ending, self._shaft.motion())
         decision = self.commands.decide(command, now)
         if command.name == "reset":
             self._reset()
         if decision.output:
-            sample = self._backend.write(decision.output, decision.at_sample)
-            self.commands.performed(decision.output, sample)
+            sample = self._write(decision.output, decision.at_sample)
         if command.name in ("stop", "trip"):
             self.commands.disarm()
         if command.name == "trip":
             manual = protection.Trip(MANUAL, sample, decision.text)
-            self._protection = protection.latch(self._protection, manual)
+            self._latch(manual)
         return Answer(accepted=True, text=decision.text, sample=sample, lease=decision.lease)
 
     def _note_command(self, command: Command, answer: Answer, sample: int) -> None:
@@ -269,18 +271,37 @@ class Acquisition:
         if refused:
             raise CommandError(f"the cause lives: {refused}")
         self._protection = state
+        self._set_enable(True)
 
     def _trip(self, kind: str, trip: protection.Trip) -> None:
         """Bring the rig to rest, latch, and publish why."""
         holder = self.commands.holder
         effect = self._write_rest()
-        self._protection = protection.latch(self._protection, trip)
+        self._latch(trip)
         details = {"cause": trip.cause, "first_out": self.first_out, "who": holder, "effect_sample": effect}
         self._events.add(kind, trip.text, trip.sample, ALARM, details)
 
+    def _latch(self, trip: protection.Trip) -> None:
+        """Keep the cause, unless there is one already, and drop the enable output."""
+        self._protection = protection.latch(self._protection, trip)
+        self._set_enable(False)
+
     def _write_rest(self) -> int:
-        output = RestOutput(self.rig.safe_state.ramp)
-        sample = self._backend.write(output)
-        self.commands.performed(output, sample)
+        sample = self._write(RestOutput(self.rig.safe_state.ramp))
         self.commands.disarm()
+        return sample
+
+    def _set_enable(self, energised: bool) -> None:
+        """Energise or drop the trip relay, where the device has one."""
+        if EnableOutput in self._backend.capabilities.outputs:
+            self._write(EnableOutput(energised))
+
+    def _write(self, output: Output, at_sample: int | None = None) -> int:
+        """Write to the device what the envelope lets through; return when it takes effect."""
+        commands = self.commands
+        now = Present(
+            self._backend.clock(), commands.armed, commands.silence, bool(self.first_out), self.ending
+        )
+        sample = self._envelope.write(output, at_sample, now)
+        commands.performed(output, sample)
         return sample

@@ -48,7 +48,13 @@ class RestOutput(NamedTuple):
     ramp: float
 
 
-Output = SpeedOutput | HitOutput | RestOutput
+class EnableOutput(NamedTuple):
+    """Trip relay: energised while nothing is tripped; dropped, the drive stops by itself."""
+
+    energised: bool
+
+
+Output = SpeedOutput | HitOutput | RestOutput | EnableOutput
 
 
 class Reading(NamedTuple):
@@ -94,6 +100,8 @@ class Backend(Protocol):
     6. `write(output)` makes the output happen as soon as the device can, at a sample that the device has
        not yet taken, and returns that sample's index. With `at_sample` it happens exactly there;
        `PastSampleError` when that has passed.
+       A `HitOutput` ends by the device's own timing, whatever the computer does meanwhile; a device that
+       cannot do that does not declare it, and hits are refused.
     7. A `RestOutput` overrides all that was written before it, scheduled outputs included.
     8. `stop()` and `close()` leave the outputs in the safe state and end sampling. `close()` gives the
        device back too; it may be called at any time, also twice, also without `open`.

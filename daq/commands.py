@@ -95,6 +95,11 @@ class Commands:
         }
 
     @property
+    def silence(self) -> float:
+        """Seconds since the holder's last sign of life, by the daq's own clock."""
+        return self._silence
+
+    @property
     def armed(self) -> bool:
         """Whether someone holds the lease."""
         return bool(self._lease)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from daq.backend import (
     BackendError,
     Capabilities,
+    EnableOutput,
     HitOutput,
     Output,
     PastSampleError,
@@ -53,7 +54,7 @@ class Emulator:
     def __init__(self, paced: bool = True, clock: Callable[[], float] = monotonic) -> None:
         self.capabilities = Capabilities(
             rates=RATES,
-            outputs=(SpeedOutput, HitOutput, RestOutput),
+            outputs=(SpeedOutput, HitOutput, RestOutput, EnableOutput),
             hardware_timing=True,
             watchdog_s=None,
             emulated=True,
@@ -68,6 +69,7 @@ class Emulator:
         self._stopped_at: int | None = 0  # what `clock()` says while nothing is sampled
         self._pending: list[tuple[int, int, Output]] = []  # heap of (sample, order of writing, output)
         self._written = 0
+        self._enabled = True  # by the enable line
         self._signals = Scratch(len(SIGNALS))
         self._part = Scratch(len(SIGNALS))
         self._last = self._signals.columns(0)
@@ -95,6 +97,7 @@ class Emulator:
         self._fresh = None
         self._readings = self._sensors(rig)
         self._pending.clear()
+        self._enabled = True
         self._next = 0
         self._stopped_at = None
         self._origin = self._now()
@@ -194,13 +197,21 @@ class Emulator:
     def _perform_due(self, simulation: Simulation) -> None:
         while self._pending and self._pending[0][0] <= simulation.sample:
             _, _, output = heappop(self._pending)
-            if isinstance(output, HitOutput):
-                simulation.hit(self._solenoids[output.solenoid], output.force, output.duration)
-            elif isinstance(output, RestOutput):
-                simulation.set_speed(0.0, output.ramp)
-                simulation.release()
-            else:
-                simulation.set_speed(output.speed, output.ramp)
+            self._perform(simulation, output)
+
+    def _perform(self, simulation: Simulation, output: Output) -> None:
+        """Do what an output says; with the enable line dropped the drive comes to rest and stays."""
+        if isinstance(output, EnableOutput):
+            self._enabled = output.energised
+            if not self._enabled:
+                self._perform(simulation, RestOutput(self._opened().safe_state.ramp))
+        elif isinstance(output, RestOutput):
+            simulation.set_speed(0.0, output.ramp)
+            simulation.release()
+        elif self._enabled and isinstance(output, HitOutput):
+            simulation.hit(self._solenoids[output.solenoid], output.force, output.duration)
+        elif self._enabled and isinstance(output, SpeedOutput):
+            simulation.set_speed(output.speed, output.ramp)
 
     def _lose(self, simulation: Simulation, until: int) -> None:
         """Go on to sample `until` without keeping what is on the way."""
