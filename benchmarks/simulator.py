@@ -46,13 +46,13 @@ DEMANDED = 50.0  # times real time
 
 @kernel
 def plain_run(
-    model: Model, factors: np.ndarray, ramp: np.ndarray, first: int, values: np.ndarray, out: np.ndarray
+    model: Model, candidates: np.ndarray, ramp: np.ndarray, first: int, values: np.ndarray, out: np.ndarray
 ):
     """Fill `out` (17, n) as the simulator does, stepping 10 us at a time wherever the shaft is."""
     tick = 40e-6
     state = unpacked(values)
     for column in range(out.shape[1]):
-        force = contact_force(model, factors, state)
+        force = contact_force(model, candidates, state)
         for row in range(11):
             out[row, column] = state[row]
         out[11, column], out[12, column] = force.force_x, force.force_y
@@ -64,21 +64,21 @@ def plain_run(
         integral = next_integral(model.drive, error, state.speed_error_integral, tick)
         inputs = Inputs(torque, 0.0, 0.0, 0.0)
         for _ in range(PLAIN_SUBSTEPS):
-            state = collide(model, factors, inputs, inputs, inputs, tick / PLAIN_SUBSTEPS, state)
+            state = collide(model, candidates, inputs, inputs, inputs, tick / PLAIN_SUBSTEPS, state)
         state = with_drive(state, state.speed, integral)
     pack(state, values)
 
 
 @kernel
-def rates(model: Model, factors: np.ndarray, values: np.ndarray, out: np.ndarray) -> None:
+def rates(model: Model, candidates: np.ndarray, values: np.ndarray, out: np.ndarray) -> None:
     """Write the derivatives of a state (12,) at constant speed."""
-    pack(derivatives(model, factors, Inputs(0.0, 0.0, 0.0, 0.0), unpacked(values)), out)
+    pack(derivatives(model, candidates, Inputs(0.0, 0.0, 0.0, 0.0), unpacked(values)), out)
 
 
 @kernel
-def depth(model: Model, values: np.ndarray) -> float:
+def depth(model: Model, candidates: np.ndarray, values: np.ndarray) -> float:
     """Return the penetration in a state (12,)."""
-    return penetration(model, unpacked(values))
+    return penetration(model, candidates, unpacked(values))
 
 
 class Job:
@@ -92,7 +92,7 @@ class Job:
         for _ in range(100):
             simulation.advance(self.buffer)
         self.start = simulation.state.copy()
-        self.factors = simulation.damping_factors.copy()
+        self.candidates = simulation.candidates.copy()
 
     def simulated(self) -> float:
         """Run the simulator; return seconds of run-up for each second of processor time."""
@@ -111,7 +111,7 @@ class Job:
         values, ramp = self.start.copy(), np.array([self.start[10], tau * 16.0, RAMP, 0.0])
         begin = time.process_time()
         for chunk in range(self.chunks):
-            plain_run(self.model, self.factors, ramp, chunk * CHUNK, values, self.buffer)
+            plain_run(self.model, self.candidates, ramp, chunk * CHUNK, values, self.buffer)
         return SECONDS / (time.process_time() - begin)
 
     @property
@@ -131,7 +131,7 @@ class Constant:
         simulation = Simulation(self.model, state=state)
         for _ in range(round(8.0 * 25000 / CONSTANT_CHUNK)):
             simulation.advance(self.buffer)
-        self.start, self.factors = simulation.state.copy(), simulation.damping_factors
+        self.start, self.candidates = simulation.state.copy(), simulation.candidates
 
     def simulated(self) -> float:
         """Run the simulator; return seconds of run for each second of processor time."""
@@ -144,7 +144,9 @@ class Constant:
         model = Simulation(self.model).model
         return self._rate(
             4,
-            lambda chunk: plain_run(model, self.factors, ramp, chunk * CONSTANT_CHUNK, values, self.buffer),
+            lambda chunk: plain_run(
+                model, self.candidates, ramp, chunk * CONSTANT_CHUNK, values, self.buffer
+            ),
         )
 
     def _rate(self, chunks: int, run: Callable[[int], None]) -> float:
@@ -174,7 +176,7 @@ class Stretch:
         for _ in range(round(6.0 / STRETCH)):
             simulation.advance(self.buffer)
         self.start = simulation.state.copy()
-        self.factors = simulation.damping_factors.copy()
+        self.candidates = simulation.candidates.copy()
 
     def simulated(self) -> float:
         """Run the simulator; return seconds of run for each second of processor time."""
@@ -201,11 +203,11 @@ class Stretch:
 
     def _rates(self, _time: float, y: np.ndarray) -> np.ndarray:
         out = np.empty(12)
-        rates(self.model, self.factors, y, out)
+        rates(self.model, self.candidates, y, out)
         return out
 
     def _crossing(self, _time: float, y: np.ndarray) -> float:
-        return depth(self.model, np.ascontiguousarray(y))
+        return depth(self.model, self.candidates, np.ascontiguousarray(y))
 
     _crossing.terminal = True  # type: ignore[attr-defined]
 

@@ -26,6 +26,7 @@ from daq.settings import (
     SafeStateSettings,
     TwinSettings,
 )
+from simulator.checks import check_model
 from simulator.faults import Fault, check_fault, damaged, of_sensor, schedule
 from simulator.rig import Model, Solenoid, model_from_mapping
 from simulator.unbalance import UnbalanceMass, with_masses
@@ -214,6 +215,7 @@ def _rows(tables: Mapping[str, Any], name: str, kind: type, title: str = "") -> 
 def _model(tables: Mapping[str, Any], model_tables: Mapping[str, Any], parent: str = "") -> Model:
     """Read the model from its tables, with the masses that are added to its rotor."""
     model = model_from_mapping(model_tables, parent)
+    check_model(model, parent)
     masses: list[UnbalanceMass] = _rows(tables, "unbalance_mass", UnbalanceMass)
     return model._replace(rotor=with_masses(model.rotor, masses))
 

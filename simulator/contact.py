@@ -1,7 +1,7 @@
 """Contact between shaft and backup bearing: its geometry, and what `simulator.law` makes of it.
 
 Everything is at the bearing's plane S, in the inertial frame, SI units. A *candidate* is a place where
-shaft and wall may touch: one for a ball or plain bearing, one for each pin of the pinned bearing. Its
+shaft and wall may touch: see `simulator.candidates`. Its
 normal points from the shaft's centre to the wall, its tangent is the normal turned by +90 degrees.
 
 References are to the thesis' articles P1 and P3, cleaned of misprints. Geometry and law are chosen by number
@@ -14,15 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from simulator.candidates import DAMPING_FACTOR, RESTING, SLIDING, STIFFNESS, TIP_X, TIP_Y
 from simulator.compile import inlined, kernel
-from simulator.law import LATCHED, friction, latched_factor, normal_force
-from simulator.rig import MOST_PINS, BackupBearing, BearingKind, Model
+from simulator.law import LATCHED, Surface, friction, latched_factor, normal_force
+from simulator.rig import BackupBearing, BearingKind, Model
 from simulator.state import State
 
 BALL = int(BearingKind.BALL)
 PINNED = int(BearingKind.PINNED)
-
-MOST_CANDIDATES = MOST_PINS
 
 
 class Contact(NamedTuple):
@@ -46,7 +45,7 @@ def candidate_count(bearing: BackupBearing) -> int:
 
 @inlined
 def wall(
-    bearing: BackupBearing, shaft_radius: float, index: int, x: float, y: float
+    bearing: BackupBearing, candidates: np.ndarray, shaft_radius: float, index: int, x: float, y: float
 ) -> tuple[float, float, float]:
     """Return one candidate's unit normal (x, y) and penetration (m; negative: gap).
 
@@ -54,7 +53,7 @@ def wall(
     normal: zeros.
     """
     if bearing.kind == PINNED:
-        return pin_wall(bearing, shaft_radius, index, x, y)
+        return pin_wall(bearing, candidates, shaft_radius, index, x, y)
     radius = sqrt(x * x + y * y)
     if radius == 0.0:
         return 0.0, 0.0, -bearing.clearance
@@ -63,20 +62,12 @@ def wall(
 
 @inlined
 def pin_wall(
-    bearing: BackupBearing, shaft_radius: float, index: int, x: float, y: float
+    bearing: BackupBearing, candidates: np.ndarray, shaft_radius: float, index: int, x: float, y: float
 ) -> tuple[float, float, float]:
-    """Return normal and penetration at pin `index`, counted with rotation.
-
-    The pins are radial and evenly spaced, with spherical tips of radius r_t whose apex is at the clearance
-    from the shaft at rest in the middle.
-    """
+    """Return normal and penetration at the spherical tip of pin `index`, counted with rotation."""
     reach = shaft_radius + bearing.pin_tip_radius
-    distance = reach + bearing.clearance
-    if index + 1 == bearing.worn_pin:
-        distance += bearing.pin_wear
-    pin_x, pin_y = pin_direction(bearing, index)
-    to_x = distance * pin_x - x
-    to_y = distance * pin_y - y
+    to_x = candidates[index, TIP_X] - x
+    to_y = candidates[index, TIP_Y] - y
     length = sqrt(to_x * to_x + to_y * to_y)
     if length == 0.0:
         return 0.0, 0.0, reach
@@ -84,15 +75,17 @@ def pin_wall(
 
 
 @inlined
-def pin_direction(bearing: BackupBearing, index: int) -> tuple[float, float]:
-    """Return the unit vector from the bearing's centre to pin `index`."""
-    x, y = bearing.pin_x, bearing.pin_y
-    for _ in range(index):
-        x, y = (
-            x * bearing.pin_turn_x - y * bearing.pin_turn_y,
-            x * bearing.pin_turn_y + y * bearing.pin_turn_x,
-        )
-    return x, y
+def surface_of(bearing: BackupBearing, candidates: np.ndarray, index: int) -> Surface:
+    """Return what a candidate's contact is made of."""
+    return Surface(
+        bearing.law,
+        candidates[index, STIFFNESS],
+        bearing.damping,
+        candidates[index, SLIDING],
+        candidates[index, RESTING],
+        bearing.slip_speed,
+        bearing.stribeck_speed,
+    )
 
 
 @inlined
@@ -133,16 +126,18 @@ def slip(
 
 
 @inlined
-def candidate_contact(model: Model, damping_factor: float, index: int, state: State) -> Contact:
+def candidate_contact(model: Model, candidates: np.ndarray, index: int, state: State) -> Contact:
     """Return what one candidate does to the rotor (P3 eq 10, 17-19 with Newton's third law for the signs)."""
     rotor, bearing = model.rotor, model.backup_bearing
     x, y, rate_x, rate_y = relative_motion(model, state)
-    nx, ny, depth = wall(bearing, rotor.shaft_radius, index, x, y)
-    normal = normal_force(bearing, damping_factor, depth, rate_x * nx + rate_y * ny)
+    nx, ny, depth = wall(bearing, candidates, rotor.shaft_radius, index, x, y)
+    surface = surface_of(bearing, candidates, index)
+    factor = candidates[index, DAMPING_FACTOR]
+    normal = normal_force(surface, factor, depth, rate_x * nx + rate_y * ny)
     if normal == 0.0:
         return Contact(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, depth)
     slip_t, slip_z, lever_x, lever_y = slip(model, state, nx, ny, rate_y * nx - rate_x * ny)
-    along_t, along_z = friction(bearing, normal, slip_t, slip_z)
+    along_t, along_z = friction(surface, normal, slip_t, slip_z)
     force_x = -normal * nx - along_t * ny
     force_y = -normal * ny + along_t * nx
     return Contact(
@@ -158,14 +153,14 @@ def candidate_contact(model: Model, damping_factor: float, index: int, state: St
 
 
 @kernel
-def contact_force(model: Model, damping_factors: np.ndarray, state: State) -> Contact:
+def contact_force(model: Model, candidates: np.ndarray, state: State) -> Contact:
     """Return what the backup bearing does to the rotor in a state.
 
-    `damping_factors` (8,) holds eta (s/m) of each candidate: see `latch`.
+    `candidates` (8, 6) are those of the model: see `simulator.candidates`.
     """
-    total = candidate_contact(model, damping_factors[0], 0, state)
+    total = candidate_contact(model, candidates, 0, state)
     for index in range(1, candidate_count(model.backup_bearing)):
-        total = together(total, candidate_contact(model, damping_factors[index], index, state))
+        total = together(total, candidate_contact(model, candidates, index, state))
     return total
 
 
@@ -185,19 +180,19 @@ def together(a: Contact, b: Contact) -> Contact:
 
 
 @inlined
-def penetration(model: Model, state: State) -> float:
+def penetration(model: Model, candidates: np.ndarray, state: State) -> float:
     """Return the deepest candidate's penetration, m; negative: the gap that is left."""
     x, y, _, _ = relative_motion(model, state)
     bearing, radius = model.backup_bearing, model.rotor.shaft_radius
-    deepest = wall(bearing, radius, 0, x, y)[2]
+    deepest = wall(bearing, candidates, radius, 0, x, y)[2]
     for index in range(1, candidate_count(bearing)):
-        deepest = max(deepest, wall(bearing, radius, index, x, y)[2])
+        deepest = max(deepest, wall(bearing, candidates, radius, index, x, y)[2])
     return deepest
 
 
 @inlined
-def latch(model: Model, state: State, damping_factors: np.ndarray) -> None:
-    """Bring the damping factors (8,), s/m, of the open candidates up to date; call it before each substep.
+def latch(model: Model, state: State, candidates: np.ndarray) -> None:
+    """Bring the open candidates' damping factors, s/m, up to date; call it before each substep.
 
     Mode `fixed`: they stay what they are. Mode `latched`: an open candidate's is that of a closing at this
     moment's speed (P3 eq 21), so that a closing keeps that of its last open substep until it opens.
@@ -207,10 +202,10 @@ def latch(model: Model, state: State, damping_factors: np.ndarray) -> None:
         return
     x, y, rate_x, rate_y = relative_motion(model, state)
     for index in range(candidate_count(bearing)):
-        nx, ny, depth = wall(bearing, model.rotor.shaft_radius, index, x, y)
+        nx, ny, depth = wall(bearing, candidates, model.rotor.shaft_radius, index, x, y)
         if depth <= 0.0:
             closing = rate_x * nx + rate_y * ny
-            damping_factors[index] = latched_factor(bearing.law, bearing.restitution, closing)
+            candidates[index, DAMPING_FACTOR] = latched_factor(bearing.law, bearing.restitution, closing)
 
 
 @inlined

@@ -15,12 +15,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from simulator.candidates import DAMPING_FACTOR
 from simulator.compile import inlined, kernel
 from simulator.contact import (
     candidate_count,
     contact_force,
     relative_motion,
     ring_radius,
+    surface_of,
     wall,
 )
 from simulator.law import KELVIN_VOIGT, normal_damping, normal_force, normal_stiffness
@@ -111,14 +113,14 @@ def shaft_acceleration(model: Model, load: float, inputs: Inputs) -> float:
 
 
 @inlined
-def derivatives(model: Model, damping_factors: np.ndarray, inputs: Inputs, state: State) -> State:
+def derivatives(model: Model, candidates: np.ndarray, inputs: Inputs, state: State) -> State:
     """Return the rate of change of each field of the state, with the contact as it is in that state.
 
-    `damping_factors` (8,), s/m: see `simulator.contact.latch`. The speed error's integral belongs to the
-    controller, which works once a tick: its rate is zero here.
+    `candidates` (8, 6) are those of the model. The speed error's integral belongs to the controller, which
+    works once a tick: its rate is zero here.
     """
     rotor, house = model.rotor, model.housing
-    force = contact_force(model, damping_factors, state)
+    force = contact_force(model, candidates, state)
     acceleration = shaft_acceleration(model, force.shaft_torque, inputs)
     moment_x, moment_y = unbalance_moment(rotor, state.angle, state.speed, acceleration)
     tilt_x, tilt_y = tilt_acceleration(
@@ -181,7 +183,7 @@ def moved(state: State, duration: float, rate: State) -> State:
 @kernel
 def collide(
     model: Model,
-    damping_factors: np.ndarray,
+    candidates: np.ndarray,
     first: Inputs,
     middle: Inputs,
     last: Inputs,
@@ -193,10 +195,10 @@ def collide(
     The inputs are those at the step's beginning, middle and end.
     """
     half = 0.5 * duration
-    rate_1 = derivatives(model, damping_factors, first, state)
-    rate_2 = derivatives(model, damping_factors, middle, moved(state, half, rate_1))
-    rate_3 = derivatives(model, damping_factors, middle, moved(state, half, rate_2))
-    rate_4 = derivatives(model, damping_factors, last, moved(state, duration, rate_3))
+    rate_1 = derivatives(model, candidates, first, state)
+    rate_2 = derivatives(model, candidates, middle, moved(state, half, rate_1))
+    rate_3 = derivatives(model, candidates, middle, moved(state, half, rate_2))
+    rate_4 = derivatives(model, candidates, last, moved(state, duration, rate_3))
     state = moved(state, duration / 6.0, rate_1)
     state = moved(state, duration / 3.0, rate_2)
     state = moved(state, duration / 3.0, rate_3)
@@ -281,7 +283,7 @@ def flight_substeps(tick: Tick, speed: float) -> int:
 
 
 @inlined
-def contact_substeps(model: Model, tick: Tick, damping_factors: np.ndarray, state: State) -> int:
+def contact_substeps(model: Model, tick: Tick, candidates: np.ndarray, state: State) -> int:
     """Return how many substeps a tick with contact needs.
 
     The regularised friction decides: near zero slip it is a damper mu N / slip_speed on the mobility of
@@ -291,20 +293,20 @@ def contact_substeps(model: Model, tick: Tick, damping_factors: np.ndarray, stat
     """
     bearing, radius = model.backup_bearing, model.rotor.shaft_radius
     x, y, rate_x, rate_y = relative_motion(model, state)
-    normal, deepest, damping, closing = 0.0, 0.0, 0.0, False
+    held, stiffness, damping, closing = 0.0, 0.0, 0.0, False
     for index in range(candidate_count(bearing)):
-        nx, ny, depth = wall(bearing, radius, index, x, y)
+        nx, ny, depth = wall(bearing, candidates, radius, index, x, y)
+        surface, factor = surface_of(bearing, candidates, index), candidates[index, DAMPING_FACTOR]
         rate = rate_x * nx + rate_y * ny
         closing = closing or (depth <= 0.0 < depth + rate * tick.length)
         depth += max(rate, 0.0) * tick.length
-        deepest = max(deepest, depth)
-        normal += normal_force(bearing, damping_factors[index], depth, rate)
-        damping += normal_damping(bearing, damping_factors[index], depth)
+        coefficient = max(surface.friction, surface.static_friction)
+        held += coefficient * normal_force(surface, factor, depth, rate)
+        stiffness = max(stiffness, normal_stiffness(surface, depth))
+        damping += normal_damping(surface, factor, depth)
     if closing and bearing.law == KELVIN_VOIGT:
         return ceil(tick.most_substeps)
-    coefficient = max(bearing.friction, bearing.static_friction)
-    sticking = coefficient * normal / bearing.slip_speed * tick.mobility
-    stiffness = normal_stiffness(bearing, deepest) * tick.approach
+    sticking = held / bearing.slip_speed * tick.mobility
     decay = max(sticking, damping * tick.approach)
-    needed = tick.length * max(decay / DECAY_TURN, sqrt(stiffness) / CONTACT_TURN)
+    needed = tick.length * max(decay / DECAY_TURN, sqrt(stiffness * tick.approach) / CONTACT_TURN)
     return ceil(min(max(needed, tick.least_substeps), tick.most_substeps))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from enum import IntEnum
 from typing import Annotated, NamedTuple
 
-from simulator.rig import MOST_PINS, BackupBearing, BearingKind, Model
+from simulator.rig import MOST_PINS, BackupBearing, BearingKind, Model, Pin
 from simulator.unbalance import with_unbalance
 from simulator.validation import NAME, Quantity, RigError, written
 
@@ -105,5 +105,6 @@ def worn(model: Model, pin: int, size: float) -> BackupBearing:
         raise RigError(
             f'[[emulator.fault]] pin = {pin} is no pin of the bearing: "worn-pin" needs a pinned one'
         )
-    before = bearing.pin_wear if bearing.worn_pin == pin else 0.0
-    return bearing._replace(worn_pin=pin, pin_wear=before + size)
+    old = next((each for each in bearing.pins if each.number == pin), Pin(number=pin))
+    others = [each for each in bearing.pins if each.number != pin]
+    return bearing._replace(pins=(*others, old._replace(wear=old.wear + size)))

@@ -4,6 +4,7 @@ from math import nan
 
 import numpy as np
 
+from simulator.clearance import least_clearance
 from simulator.dynamics import Tick, static_moment
 from simulator.flight import (
     BLOCK,
@@ -45,7 +46,7 @@ def flight_at(model: Model, tick: Tick, speed: float) -> Flight:
         rotor.disk_station * rotor.unbalance * speed * speed,
         rotor.unbalance_angle,
         rotor.bearing_station,
-        max(bearing.clearance + min(bearing.pin_wear, 0.0) - TO_SPARE, 0.0),
+        max(least_clearance(bearing) - TO_SPARE, 0.0),
     )
 
 

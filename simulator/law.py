@@ -21,6 +21,7 @@ exception: it is linear, its damping does not depend on the impact, and its forc
 """
 
 from math import sqrt
+from typing import NamedTuple
 
 from simulator.compile import inlined, kernel
 from simulator.rig import BackupBearing, ContactLaw, DampingMode
@@ -34,6 +35,18 @@ GONTHIER = int(ContactLaw.GONTHIER)
 LATCHED = int(DampingMode.LATCHED)
 
 LOWEST_CLOSING_SPEED = 0.01  # m/s: a slower closing latches the damping factor of this speed
+
+
+class Surface(NamedTuple):
+    """What a contact is made of; its fields are those of the same names of a `BackupBearing`."""
+
+    law: int
+    stiffness: float  # N/m^1.5; N/m with Kelvin and Voigt's law
+    damping: float  # N s/m, of that law
+    friction: float
+    static_friction: float
+    slip_speed: float  # m/s
+    stribeck_speed: float  # m/s
 
 
 @kernel
@@ -62,55 +75,55 @@ def constant_factor(bearing: BackupBearing) -> float:
 
 
 @inlined
-def normal_force(bearing: BackupBearing, damping_factor: float, depth: float, rate: float) -> float:
+def normal_force(surface: Surface, damping_factor: float, depth: float, rate: float) -> float:
     """Return the force that pushes shaft and wall apart, N, never below zero: see the module's formulas.
 
     `damping_factor` is eta in s/m, `depth` the penetration d in m, `rate` d' in m/s, positive while closing.
     """
     if depth <= 0.0:
         return 0.0
-    if bearing.law == KELVIN_VOIGT:
-        return max(0.0, bearing.stiffness * depth + bearing.damping * rate)
-    elastic = bearing.stiffness * depth * sqrt(depth)
+    if surface.law == KELVIN_VOIGT:
+        return max(0.0, surface.stiffness * depth + surface.damping * rate)
+    elastic = surface.stiffness * depth * sqrt(depth)
     return max(0.0, elastic * (1.0 + 1.5 * damping_factor * rate))
 
 
 @inlined
-def normal_stiffness(bearing: BackupBearing, depth: float) -> float:
+def normal_stiffness(surface: Surface, depth: float) -> float:
     """Return the elastic part's slope, N/m, at a penetration (m)."""
-    if bearing.law == KELVIN_VOIGT:
-        return bearing.stiffness
-    return 1.5 * bearing.stiffness * sqrt(max(depth, 0.0))
+    if surface.law == KELVIN_VOIGT:
+        return surface.stiffness
+    return 1.5 * surface.stiffness * sqrt(max(depth, 0.0))
 
 
 @inlined
-def normal_damping(bearing: BackupBearing, damping_factor: float, depth: float) -> float:
+def normal_damping(surface: Surface, damping_factor: float, depth: float) -> float:
     """Return the force's slope over the closing rate, N s/m, at a penetration (m)."""
-    if bearing.law == KELVIN_VOIGT:
-        return bearing.damping
+    if surface.law == KELVIN_VOIGT:
+        return surface.damping
     deep = max(depth, 0.0)
-    return 1.5 * damping_factor * bearing.stiffness * deep * sqrt(deep)
+    return 1.5 * damping_factor * surface.stiffness * deep * sqrt(deep)
 
 
 @inlined
-def friction_coefficient(bearing: BackupBearing, slip: float) -> float:
+def friction_coefficient(surface: Surface, slip: float) -> float:
     """Return the coefficient of friction at a slip (m/s).
 
     It falls from that of rest to that of sliding (Stribeck's effect) as Hess and Soom have it (1990,
     J. Tribol. 112, 147): by 1 / (1 + (slip / v_s)^2). Without a coefficient of rest it is constant.
     """
-    more = max(bearing.static_friction - bearing.friction, 0.0)
-    relative = slip / bearing.stribeck_speed
-    return bearing.friction + more / (1.0 + relative * relative)
+    more = max(surface.static_friction - surface.friction, 0.0)
+    relative = slip / surface.stribeck_speed
+    return surface.friction + more / (1.0 + relative * relative)
 
 
 @inlined
-def friction(bearing: BackupBearing, normal: float, slip_t: float, slip_z: float) -> tuple[float, float]:
+def friction(surface: Surface, normal: float, slip_t: float, slip_z: float) -> tuple[float, float]:
     """Return the friction on the shaft, N, along the tangent and along the shaft.
 
     Coulomb's law, regularised: opposite to the slip (m/s, shaft minus wall), zero and smooth at zero slip.
     """
-    slip_speed = bearing.slip_speed
+    slip_speed = surface.slip_speed
     slip = sqrt(slip_t * slip_t + slip_z * slip_z + slip_speed * slip_speed)
-    scale = -friction_coefficient(bearing, slip) * normal / slip
+    scale = -friction_coefficient(surface, slip) * normal / slip
     return scale * slip_t, scale * slip_z

@@ -7,10 +7,11 @@ the thesis (Fonseca 2017), articles P1, P2 and P3. This module imports no numba,
 description stays quick; numba's kernels take a `Model` as it is.
 """
 
+import re
 from collections.abc import Mapping
 from enum import IntEnum
-from math import sqrt
-from typing import Annotated, Any, NamedTuple, get_type_hints
+from functools import partial
+from typing import Annotated, Any, NamedTuple, cast, get_type_hints
 
 from simulator.validation import NAME, Derived, Quantity, RigError, keys_of, tuple_at
 
@@ -24,6 +25,7 @@ __all__ = [
     "Housing",
     "MagneticBearing",
     "Model",
+    "Pin",
     "Quantity",
     "RigError",
     "Rotor",
@@ -33,7 +35,6 @@ __all__ = [
 
 
 MOST_PINS = 8
-HALF_ROOT = sqrt(0.5)
 
 
 class BearingKind(IntEnum):
@@ -99,6 +100,24 @@ class MagneticBearing(NamedTuple):
     damping: Annotated[float, Quantity("N s/m", 0.0, 1e6, "[c]")]
 
 
+class Pin(NamedTuple):
+    """`[backup_bearing.pin.3]`: what is different at pin number 3, counted with rotation; pinned only.
+
+    One table for each pin that is not like the others.
+    """
+
+    wear: Annotated[
+        float, Quantity("m", -0.01, 0.01, "what the gap under it is wider by; below 0: the pin is longer")
+    ] = 0.0
+    stiffness: Annotated[
+        float | None, Quantity("N/m^1.5", 1.0, 1e13, "of its contact, instead of the bearing's")
+    ] = None
+    friction: Annotated[
+        float | None, Quantity("1", 0.0, 2.0, "in sliding and at rest, instead of the bearing's")
+    ] = None
+    number: Annotated[int, Derived("that of its table")] = 0
+
+
 class BackupBearing(NamedTuple):
     """Backup bearing: geometry, law of the contact and regularised friction.
 
@@ -136,12 +155,7 @@ class BackupBearing(NamedTuple):
     pin_length: Annotated[float, Quantity("m", 0.0, 1.0, "from a pin's tip to the casing; pinned only")] = (
         2e-3
     )
-    worn_pin: Annotated[int, Quantity("1", 0, MOST_PINS, "number of a shorter pin, from 1 on; 0: none")] = 0
-    pin_wear: Annotated[float, Quantity("m", -0.01, 0.01, "what the worn pin's gap is wider by")] = 0.0
-    pin_x: Annotated[float, Derived("direction of the first pin")] = HALF_ROOT
-    pin_y: Annotated[float, Derived("likewise")] = HALF_ROOT
-    pin_turn_x: Annotated[float, Derived("cosine of the angle between neighbouring pins")] = 0.0
-    pin_turn_y: Annotated[float, Derived("sine of it")] = 1.0
+    pins: Annotated[tuple[Pin, ...], Derived("those that differ, in order, from tables of their own")] = ()
 
 
 class Housing(NamedTuple):
@@ -192,9 +206,31 @@ def model_from_mapping(tables: Mapping[str, Mapping[str, Any]], parent: str = ""
     `parent` is the table that holds them, for messages: "" or, say, "emulator.actual". Raises `RigError`.
     """
     prefix = f"{parent}." if parent else ""
-    parts = {}
+    parts: dict[str, Any] = {}
     for name, part in get_type_hints(Model).items():
         if name not in tables:
             raise RigError(f"table [{prefix}{name}] is missing; it holds: {', '.join(keys_of(part))}")
-        parts[name] = tuple_at(part, tables[name], f"[{prefix}{name}]")
+        place = f"{prefix}{name}"
+        read = backup_bearing_at if part is BackupBearing else partial(tuple_at, part)
+        parts[name] = read(tables[name], f"[{place}]")
     return Model(**parts)
+
+
+def backup_bearing_at(table: Any, place: str) -> BackupBearing:
+    """Validate the table of a backup bearing, with the tables of its pins. Raises `RigError`."""
+    if not isinstance(table, Mapping) or "pin" not in table:
+        return cast(BackupBearing, tuple_at(BackupBearing, table, place))
+    own = {key: value for key, value in table.items() if key != "pin"}
+    pins = pins_at(table["pin"], f"{place.strip('[]')}.pin")
+    return cast(BackupBearing, tuple_at(BackupBearing, own, place)._replace(pins=pins))
+
+
+def pins_at(tables: Any, place: str) -> tuple[Pin, ...]:
+    """Return the pins that have tables, in order. Raises `RigError`."""
+    if not isinstance(tables, Mapping):
+        raise RigError(f"[{place}] must be tables, one for each pin that differs, as [{place}.3]")
+    for key in tables:
+        if not re.fullmatch("[1-9]", key):
+            raise RigError(f"[{place}.{key}] is no pin's number; pins count from 1, as in [{place}.3]")
+    pins = ((int(key), tuple_at(Pin, tables[key], f"[{place}.{key}]")) for key in sorted(tables))
+    return tuple(pin._replace(number=number) for number, pin in pins)

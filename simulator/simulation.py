@@ -5,32 +5,25 @@ from typing import Any
 
 import numpy as np
 
-from simulator.contact import MOST_CANDIDATES
+from simulator.candidates import DAMPING_FACTOR, candidates_of, for_kernels
+from simulator.checks import check_bearing
 from simulator.drive import set_point
 from simulator.equilibrium import static_state
 from simulator.faults import Fault, damaged, schedule
 from simulator.flight_table import flight_at
-from simulator.law import constant_factor
-from simulator.numeric import direction
 from simulator.rig import (
-    BackupBearing,
-    BearingKind,
-    ContactLaw,
     DampingMode,
     Model,
-    RigError,
     Solenoid,
 )
 from simulator.solenoid import PULSE_FIELDS, pulse_row
 from simulator.state import SIGNALS, STATE, TRUTH
 from simulator.stepping import run
 from simulator.tick import tick_of
-from simulator.validation import written
 
 __all__ = ["SIGNALS", "STATE", "TRUTH", "Simulation", "SimulationError", "signals_for"]
 
-LEAST_RESTITUTION = 0.01  # some laws divide by it
-WHOLE_NUMBERS = ("kind", "law", "damping_mode", "mode", "pin_count", "worn_pin")
+WHOLE_NUMBERS = ("kind", "law", "damping_mode", "mode", "pin_count")
 
 
 class SimulationError(RuntimeError):
@@ -47,6 +40,7 @@ class Simulation:
 
     Attributes: `sample`, the index of the next sample; `state` (12,), the state at that sample;
     `damping_factors` (8,), s/m, of the contact's candidates, which with `state` makes a complete snapshot;
+    `candidates` (8, 6), of which those are a part, see `simulator.candidates`;
     `beyond_pins`, whether the shaft has been behind the pins, where the model has no wall.
     """
 
@@ -62,12 +56,17 @@ class Simulation:
         self.tick = tick_of(self.model, 1.0 / self.rate)
         self.sample = 0
         self.beyond_pins = False
-        self.damping_factors = first_damping_factors(self.model)
+        self.candidates = candidates_of(self.model)
         self.state = static_state(self.model) if state is None else checked_state(state)
         self._ramp = np.array([self.state[10], self.state[10], 1.0, 0.0])
         self._pulses = np.empty((0, PULSE_FIELDS))
         self._flight = flight_at(self.model, self.tick, self.state[10])
         self._faults = schedule(faults, self.rate)
+
+    @property
+    def damping_factors(self) -> np.ndarray:
+        """A view of the candidates' damping factors."""
+        return self.candidates[:, DAMPING_FACTOR]
 
     def advance(self, truth: np.ndarray) -> None:
         """Fill `truth` (17, n), float64, C-contiguous, with the next n samples, and step n ticks.
@@ -96,8 +95,10 @@ class Simulation:
         self.model = checked(model)
         self.tick = tick_of(self.model, 1.0 / self.rate)
         self._flight = flight_at(self.model, self.tick, self._ramp[1])
-        if self.model.backup_bearing.damping_mode != DampingMode.LATCHED:
-            self.damping_factors[:] = first_damping_factors(self.model)
+        latched = self.damping_factors.copy()
+        self.candidates[:] = candidates_of(self.model)
+        if self.model.backup_bearing.damping_mode == DampingMode.LATCHED:
+            self.damping_factors[:] = latched
 
     def set_speed(self, speed: float, ramp: float) -> None:
         """Move the speed's set-point from where it is to `speed` (rad/s) at `ramp` (rad/s2, positive)."""
@@ -129,14 +130,14 @@ class Simulation:
     def _run(self, truth: np.ndarray, begin: int, end: int) -> None:
         """Fill the columns from `begin` to `end`."""
         done, lost = run(
-            self.model,
+            for_kernels(self.model),
             self.tick,
             self._ramp,
             self._pulses,
             self._flight,
             self.sample,
             self.state,
-            self.damping_factors,
+            self.candidates,
             truth,
             begin,
             end,
@@ -162,49 +163,19 @@ def signals_for(count: int) -> np.ndarray:
 
 def checked(model: Model) -> Model:
     """Return the model with plain numbers for its enumerations. Raises `RigError`."""
-    bearing = model.backup_bearing
-    if bearing.kind == BearingKind.BALL and bearing.ring_inertia <= 0.0:
-        raise RigError(
-            f"[backup_bearing] ring_inertia = {bearing.ring_inertia:g} kg m2 must be above 0 for a ball "
-            'bearing; give its inertia, or set kind = "plain" for a ring that does not spin'
-        )
-    check_law(bearing)
-    return Model(*(plain(part) for part in model._replace(backup_bearing=with_pins(bearing))))
-
-
-def check_law(bearing: BackupBearing) -> None:
-    """Refuse a contact law without what it needs. Raises `RigError`."""
-    law = ContactLaw(bearing.law)
-    if law not in (ContactLaw.LANKARANI_NIKRAVESH, ContactLaw.FLORES, ContactLaw.GONTHIER):
-        return
-    if bearing.damping_mode != DampingMode.LATCHED:
-        raise RigError(
-            f'[backup_bearing] damping_mode = "fixed" does not go with law = "{written(law)}", whose damping '
-            'comes from restitution and closing speed; set damping_mode = "latched"'
-        )
-    if law != ContactLaw.LANKARANI_NIKRAVESH and bearing.restitution < LEAST_RESTITUTION:
-        raise RigError(
-            f"[backup_bearing] restitution = {bearing.restitution:g} is below {LEAST_RESTITUTION:g}, "
-            f'where law = "{written(law)}" has no finite damping; give a larger one'
-        )
-
-
-def with_pins(bearing: BackupBearing) -> BackupBearing:
-    """Return the bearing with its pins' directions worked out. Raises `RigError`."""
-    if bearing.worn_pin > bearing.pin_count:
-        raise RigError(
-            f"[backup_bearing] worn_pin = {bearing.worn_pin} is not one of the pin_count = "
-            f"{bearing.pin_count} pins; they count from 1, and 0 means none"
-        )
-    x, y = direction(bearing.pin_angle_deg)
-    turn_x, turn_y = direction(360.0 / bearing.pin_count)
-    return bearing._replace(pin_x=x, pin_y=y, pin_turn_x=turn_x, pin_turn_y=turn_y)
+    check_bearing(model.backup_bearing)
+    return Model(*(plain(part) for part in model))
 
 
 def plain(part: Any) -> Any:
     """Return a table of the model with its choices and numbers of things as int and all else as float."""
     pairs = zip(part._fields, part, strict=True)
-    return type(part)(*(int(value) if name in WHOLE_NUMBERS else float(value) for name, value in pairs))
+    return type(part)(*(value if name == "pins" else plain_number(name, value) for name, value in pairs))
+
+
+def plain_number(name: str, value: Any) -> int | float:
+    """Return the number of a field."""
+    return int(value) if name in WHOLE_NUMBERS else float(value)
 
 
 def checked_state(state: np.ndarray) -> np.ndarray:
@@ -213,11 +184,6 @@ def checked_state(state: np.ndarray) -> np.ndarray:
     if values.shape != (len(STATE),) or not np.isfinite(values).all():
         raise ValueError(f"state must hold {len(STATE)} finite numbers: {', '.join(STATE)}")
     return values
-
-
-def first_damping_factors(model: Model) -> np.ndarray:
-    """Return the damping factors (8,), s/m, with which a simulation begins."""
-    return np.full(MOST_CANDIDATES, constant_factor(model.backup_bearing))
 
 
 def positive(value: float, name: str, unit: str) -> float:

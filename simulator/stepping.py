@@ -24,7 +24,7 @@ def run(
     flight: Flight,
     sample: int,
     values: np.ndarray,
-    damping_factors: np.ndarray,
+    candidates: np.ndarray,
     truth: np.ndarray,
     begin: int,
     end: int,
@@ -32,7 +32,7 @@ def run(
     """Fill the columns `begin` to `end` of `truth` (17, n), the first being `sample`, and step as often.
 
     Return how many ticks were good, and whether the shaft was behind the pins.
-    `values` (12,) and `damping_factors` (8,) hold the state and are brought up to date. A count below
+    `values` (12,) and `candidates` (8, 6) hold the state and are brought up to date. A count below
     the columns' means that the state after that many ticks is no number any more, or out of all proportion.
     """
     state = unpacked(values)
@@ -40,15 +40,15 @@ def run(
     sample -= begin
     column = begin
     while column < end:
-        depth = penetration(model, state)
+        depth = penetration(model, candidates, state)
         touching = may_touch(model, tick, state, depth)
         x, y, rate_x, rate_y = relative_motion(model, state)
         if steady(flight, ramp, pulses, sample + column, state.speed) and clear(flight, x, y, rate_x, rate_y):
             column, state = glide(flight, sample + column, state, truth, column, end)
         else:
             forget(flight)
-            record(model, tick, ramp, pulses, sample + column, damping_factors, state, depth, truth, column)
-            state = step(model, tick, ramp, pulses, sample + column, damping_factors, touching, state)
+            record(model, tick, ramp, pulses, sample + column, candidates, state, depth, truth, column)
+            state = step(model, tick, ramp, pulses, sample + column, candidates, touching, state)
             column += 1
         lost = lost or beyond_pins(model, state)
         if not sound(state):
@@ -65,7 +65,7 @@ def step(
     ramp: np.ndarray,
     pulses: np.ndarray,
     sample: int,
-    damping_factors: np.ndarray,
+    candidates: np.ndarray,
     touching: bool,
     state: State,
 ) -> State:
@@ -76,7 +76,7 @@ def step(
     torque = motor_torque(model.drive, error, state.speed_error_integral)
     held = Inputs(torque, (next_wanted - wanted) / tick.length, 0.0, 0.0)
     integral = next_integral(model.drive, error, state.speed_error_integral, tick.length)
-    state = through_tick(model, tick, held, pulses, sample, damping_factors, touching, state)
+    state = through_tick(model, tick, held, pulses, sample, candidates, touching, state)
     speed = next_wanted if model.drive.mode == IDEAL else state.speed
     return with_drive(state, speed, integral)
 
@@ -88,14 +88,14 @@ def through_tick(
     held: Inputs,
     pulses: np.ndarray,
     sample: int,
-    damping_factors: np.ndarray,
+    candidates: np.ndarray,
     touching: bool,
     state: State,
 ) -> State:
     """Return the state after a tick under held torque or acceleration, in as many substeps as it takes."""
     pulsed = pulse_in_tick(pulses, sample, tick.length)
     if touching:
-        count = contact_substeps(model, tick, damping_factors, state)
+        count = contact_substeps(model, tick, candidates, state)
     else:
         count = flight_substeps(tick, state.speed)
     if pulsed:
@@ -108,8 +108,8 @@ def through_tick(
             middle = with_pulses(held, pulses, sample, (index + 0.5) * duration, tick.length)
             last = with_pulses(held, pulses, sample, (index + 1.0) * duration, tick.length)
         if touching:
-            latch(model, state, damping_factors)
-            state = collide(model, damping_factors, first, middle, last, duration, state)
+            latch(model, state, candidates)
+            state = collide(model, candidates, first, middle, last, duration, state)
         else:
             state = fly(model, first, middle, last, duration, state)
     return state if touching else settle(tick, state)
@@ -148,7 +148,7 @@ def record(
     ramp: np.ndarray,
     pulses: np.ndarray,
     sample: int,
-    damping_factors: np.ndarray,
+    candidates: np.ndarray,
     state: State,
     depth: float,
     truth: np.ndarray,
@@ -157,7 +157,7 @@ def record(
     """Write one column of true signals; the rows are `simulator.simulation.SIGNALS`."""
     force = Contact(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, depth)
     if depth > 0.0:
-        force = contact_force(model, damping_factors, state)
+        force = contact_force(model, candidates, state)
     truth[0, column] = state.tilt_x
     truth[1, column] = state.tilt_y
     truth[2, column] = state.tilt_rate_x

@@ -2,8 +2,9 @@
 
 from math import ceil, sqrt, tau
 
+from simulator.candidates import SLIDING, STIFFNESS, candidates_of
 from simulator.dynamics import DECAY_TURN, HOUSE_TURN, SHORTEST_SUBSTEP, Tick
-from simulator.law import normal_stiffness
+from simulator.law import Surface, normal_stiffness
 from simulator.rig import BearingKind, DriveMode, Model, RigError
 
 Matrix = tuple[float, float, float, float]
@@ -42,17 +43,18 @@ def tick_of(model: Model, length: float) -> Tick:
 
 def check_steps(model: Model) -> None:
     """Refuse a contact that the shortest substep cannot follow, however light it is. Raises `RigError`."""
-    bearing = model.backup_bearing
-    frequency = sqrt(normal_stiffness(bearing, LIGHT_DEPTH) * approach(model))
+    bearing, places = model.backup_bearing, candidates_of(model)[: model.backup_bearing.pin_count]
+    stiffness, friction = float(places[:, STIFFNESS].max()), float(places[:, SLIDING:].max())
+    hardest = Surface(bearing.law, stiffness, 0.0, friction, friction, 1.0, 1.0)
+    frequency = sqrt(normal_stiffness(hardest, LIGHT_DEPTH) * approach(model))
     if frequency * SHORTEST_SUBSTEP > MOST_CONTACT_TURN:
         raise RigError(
-            f"[backup_bearing] stiffness = {bearing.stiffness:g} makes the contact swing at "
+            f"[backup_bearing] stiffness = {stiffness:g} makes the contact swing at "
             f"{frequency / tau / 1e3:.0f} kHz, which steps of {SHORTEST_SUBSTEP * 1e6:g} us cannot follow; "
             "check its unit, which depends on the law"
         )
     weight = model.rotor.mass * max(model.rotor.gravity, 1.0)
-    coefficient = max(bearing.friction, bearing.static_friction)
-    decay = coefficient * weight / bearing.slip_speed * (approach(model) + spin_mobility(model))
+    decay = friction * weight / bearing.slip_speed * (approach(model) + spin_mobility(model))
     if decay * SHORTEST_SUBSTEP > DECAY_TURN:
         raise RigError(
             f"[backup_bearing] slip_speed = {bearing.slip_speed:g} m/s makes friction stop the slip within "

@@ -141,10 +141,10 @@ def correct_all(
 def report(model: Model, memory: Memory, column: int, out: np.ndarray, tally: Tally) -> None:
     """Write states and virtual sensors to column `column` of `out`, unless it is negative; keep the peaks."""
     state = state_of(memory.state, memory.shaft)
-    force = contact_force(model, memory.damping_factors, state)
+    force = contact_force(model, memory.candidates, state)
     force_x, force_y, normal = force.force_x, force.force_y, force.normal
     if normal > 0.0:
-        nx, ny = outward(model, state)
+        nx, ny = outward(model, memory.candidates, state)
         residual_x, residual_y = memory.state[RESIDUAL], memory.state[RESIDUAL + 1]
         normal = max(0.0, normal - nx * residual_x - ny * residual_y)
         force_x += residual_x
@@ -170,13 +170,13 @@ def report(model: Model, memory: Memory, column: int, out: np.ndarray, tally: Ta
 
 
 @kernel
-def outward(model: Model, state: State) -> tuple[float, float]:
+def outward(model: Model, candidates: np.ndarray, state: State) -> tuple[float, float]:
     """Return the unit normal (x, y), from shaft to wall, where the shaft is deepest in the bearing."""
     x, y, _, _ = relative_motion(model, state)
     bearing, radius = model.backup_bearing, model.rotor.shaft_radius
-    nx, ny, deepest = wall(bearing, radius, 0, x, y)
+    nx, ny, deepest = wall(bearing, candidates, radius, 0, x, y)
     for index in range(1, candidate_count(bearing)):
-        other_x, other_y, depth = wall(bearing, radius, index, x, y)
+        other_x, other_y, depth = wall(bearing, candidates, radius, index, x, y)
         if depth > deepest:
             nx, ny, deepest = other_x, other_y, depth
     return nx, ny

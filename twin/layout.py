@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simulator.contact import MOST_CANDIDATES
+from simulator.candidates import COLUMNS
+from simulator.rig import MOST_PINS
 
 # Indices into the state vector; each but RING is the first of a pair along x and y.
 TILT = 0  # rad
@@ -41,7 +42,7 @@ class Memory(NamedTuple):
     state: np.ndarray  # (SIZE,)
     covariance: np.ndarray  # (SIZE, SIZE)
     shaft: np.ndarray  # (3,) angle, speed, acceleration of the encoder's loop
-    damping_factors: np.ndarray  # (8,) s/m of the contact's candidates
+    candidates: np.ndarray  # (8, 6) of the contact, see `simulator.candidates`
     free_flow: np.ndarray  # (DYNAMIC, DYNAMIC + INPUTS) one tick of free flight
     free_speed: np.ndarray  # (1,) rad/s for which free_flow holds; NaN: not yet built
     flow: np.ndarray  # (DYNAMIC, DYNAMIC + INPUTS) this tick
@@ -62,7 +63,7 @@ def new_memory() -> Memory:
         state=np.zeros(SIZE),
         covariance=np.zeros((SIZE, SIZE)),
         shaft=np.zeros(3),
-        damping_factors=np.zeros(MOST_CANDIDATES),
+        candidates=np.zeros((MOST_PINS, COLUMNS)),
         free_flow=np.zeros((DYNAMIC, wide)),
         free_speed=np.full(1, np.nan),
         flow=np.zeros((DYNAMIC, wide)),

@@ -30,8 +30,9 @@ import numpy as np
 
 from daq.messages import TIMING_FLAGS, Series
 from daq.rig import Rig, RigError
+from simulator.candidates import candidates_of, for_kernels
 from simulator.rig import DriveMode, Model
-from simulator.simulation import checked, first_damping_factors
+from simulator.simulation import checked
 from simulator.tick import tick_of
 from twin.filter import Tally, observe, restart
 from twin.inputs import feeds_of, sensors_of
@@ -186,7 +187,7 @@ class Observer:
     def _restart(self, series: Series) -> None:
         """Set the moving states from the block's first sample."""
         restart(self.memory, self.sensors, self.feeds, series.samples, self.tick.length)
-        self.memory.damping_factors[:] = first_damping_factors(self.model)
+        self.memory.candidates[:] = candidates_of(self.described)
         self._moment[:] = 0.0
         self._lost = False
         self._settled_from = series.first_sample + round(SETTLING_TIME * series.rate)
@@ -198,7 +199,7 @@ class Observer:
         out = np.empty((len(OUTPUTS) + sensors, columns))
         tally = Tally(np.zeros(sensors), np.zeros(sensors), np.zeros(sensors), np.zeros(2))
         observe(
-            self.model,
+            for_kernels(self.model),
             self.tick,
             self.memory,
             self.tuning,
@@ -264,6 +265,7 @@ def bare(model: Model) -> Model:
 def first_memory(model: Model) -> Memory:
     """Return the memory of an observer that has seen nothing: what the rig's description says, with doubt."""
     memory = new_memory()
+    memory.candidates[:] = candidates_of(model)
     rotor = model.rotor
     weight = -rotor.mass * rotor.gravity * rotor.centre_of_mass_station
     moment = weight + rotor.coupling_station * rotor.coupling_force

@@ -51,7 +51,7 @@ def predict(
     total_x += moment_x
     total_y += moment_y
     before = state_of(memory.state, memory.shaft)
-    if may_touch(model, tick, before, penetration(model, before)):
+    if may_touch(model, tick, before, penetration(model, memory.candidates, before)):
         after = through_contact(model, tick, memory, before, total_x, total_y)
         contact_flow(model, tick, memory, before, after)
         put(after, memory.state)
@@ -153,10 +153,10 @@ def through_contact(
 ) -> State:
     """Return the state after a tick of the simulator's model under a moment (N m), contact included."""
     inputs = Inputs(0.0, memory.shaft[ACCELERATION], moment_x, moment_y)
-    count = contact_substeps(model, tick, memory.damping_factors, state)
+    count = contact_substeps(model, tick, memory.candidates, state)
     for _ in range(count):
-        latch(model, state, memory.damping_factors)
-        state = collide(model, memory.damping_factors, inputs, inputs, inputs, tick.length / count, state)
+        latch(model, state, memory.candidates)
+        state = collide(model, memory.candidates, inputs, inputs, inputs, tick.length / count, state)
     return state
 
 
@@ -164,12 +164,12 @@ def through_contact(
 def contact_flow(model: Model, tick: Tick, memory: Memory, before: State, after: State) -> None:
     """Set the tick's flow from the contact's slopes at the middle between two states."""
     middle = halfway(before, after)
-    here = contact_slopes(model, memory.damping_factors, middle, memory.slopes)
+    here = contact_slopes(model, memory.candidates, middle, memory.slopes)
     memory.force[0] = here.normal
     free_rates(model, memory.shaft[SPEED], memory.rates)
     input_rates(model, memory.inputs)
     add_contact(model, memory.slopes, memory.rates)
-    count = contact_substeps(model, tick, memory.damping_factors, middle)
+    count = contact_substeps(model, tick, memory.candidates, middle)
     doublings = ceil(log2(float(count))) + 1
     discretise(memory.rates, memory.inputs, tick.length, doublings, memory.flow, memory.flow_work)
 

@@ -57,21 +57,21 @@ def input_rates(model: Model, inputs: np.ndarray) -> None:
 
 
 @kernel
-def contact_slopes(model: Model, damping_factors: np.ndarray, state: State, slopes: np.ndarray) -> Contact:
+def contact_slopes(model: Model, candidates: np.ndarray, state: State, slopes: np.ndarray) -> Contact:
     """Set `slopes` (5, 5) of the contact in `state`, and return the contact there.
 
     Rows: moment along x, y, force along x, y, torque on the ring. Columns: place along x, y (m) and
     velocity along x, y (m/s) of the shaft in the house, ring speed (rad/s). The axial friction's own
     dependence on the tilt is left out.
     """
-    here = contact_force(model, damping_factors, state)
+    here = contact_force(model, candidates, state)
     x, y = state.house_x, state.house_y
     rate_x, rate_y = state.house_rate_x, state.house_rate_y
     for column in range(5):
         step = PLACE_STEP if column < 2 else RATE_STEP if column < 4 else RING_STEP
         there = contact_force(
             model,
-            damping_factors,
+            candidates,
             State(
                 state.tilt_x,
                 state.tilt_y,

@@ -61,6 +61,7 @@ TABLES: tuple[tuple[type, str, dict[str, str]], ...] = (
     (unbalance.UnbalanceMass, "`[[unbalance_mass]]`", {"name": "for `--set` and for rows of a base;"}),
     (model.MagneticBearing, "`[magnetic_bearing]`", {"stiffness": "radial", "damping": "radial"}),
     (model.BackupBearing, "`[backup_bearing]`", BEARING),
+    (model.Pin, "`[backup_bearing.pin.3]`", {}),
     (model.Housing, "`[housing]`", HOUSE),
     (
         model.Drive,

@@ -11,7 +11,7 @@ from simulator.simulation import Simulation, checked
 from simulator.state import Inputs, State
 from simulator.stepping import pack, unpacked
 from tests.physics.reference import integrate
-from tests.simulator.rigs import changed, ideal, signals, state
+from tests.simulator.rigs import candidates, changed, ideal, signals, state
 
 GAP, STATION = 1.5e-3, 0.211  # m
 
@@ -57,9 +57,9 @@ def test_weight_s_direction_is_no_other_s():
         now = State(w.real, w.imag, v.real, v.imag, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 60.0, 0.0)
         turned = checked(changed(model, rotor={"unbalance_angle": angle}))
         held = Inputs(0.0, 0.0, -moment * sin(angle), moment * cos(angle))
-        factors, path = np.full(8, 2.1), []
+        places, path = candidates(turned, 2.1), []
         for _ in range(6000):
-            now = collide(turned, factors, held, held, held, 2e-5, now)
+            now = collide(turned, places, held, held, held, 2e-5, now)
             path.append(complex(now.tilt_x, now.tilt_y) * np.exp(-1j * angle))
         runs.append(np.array(path))
     assert abs(runs[0]).max() * STATION > GAP  # it has hit the wall
@@ -68,13 +68,13 @@ def test_weight_s_direction_is_no_other_s():
 
 def test_order_of_convergence_is_four_within_a_contact():
     model = checked(ideal("plain"))
-    factors, held = np.full(8, 2.1), Inputs(0.0, 0.0, 0.0, 0.0)
+    places, held = candidates(model, 2.1), Inputs(0.0, 0.0, 0.0, 0.0)
     start = np.array(state(tilt_x=1.6e-3 / STATION, tilt_rate_x=0.3, tilt_rate_y=0.4, speed=60.0))
     ends = []
     for count in (100, 200, 400, 3200):
         now, duration = unpacked(start), 1e-3 / count
         for _ in range(count):
-            now = collide(model, factors, held, held, held, duration, now)
+            now = collide(model, places, held, held, held, duration, now)
         values = np.empty(12)
         pack(now, values)
         ends.append(values[:4])
@@ -140,12 +140,12 @@ def test_substeps_follow_the_force():
     from simulator.tick import tick_of
 
     model = checked(ideal("ball"))
-    tick, factors = tick_of(model, 4e-5), np.full(8, 2.1)
+    tick, places = tick_of(model, 4e-5), candidates(model, 2.1)
     counts = [
-        contact_substeps(model, tick, factors, State(*state(tilt_x=(GAP + depth) / STATION, speed=60.0)))
+        contact_substeps(model, tick, places, State(*state(tilt_x=(GAP + depth) / STATION, speed=60.0)))
         for depth in (1e-6, 1e-4, 3e-4, 1e-3)
     ]
     assert counts == sorted(counts)
     assert counts[0] == 2
     assert counts[-1] > 10
-    assert derivatives(model, factors, Inputs(0.0, 0.0, 0.0, 0.0), State(*state())).tilt_x == 0.0
+    assert derivatives(model, places, Inputs(0.0, 0.0, 0.0, 0.0), State(*state())).tilt_x == 0.0

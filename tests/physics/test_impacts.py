@@ -5,7 +5,8 @@ from math import tau
 import numpy as np
 import pytest
 
-from simulator.contact import MOST_CANDIDATES, contact_force
+from simulator.candidates import candidates_of
+from simulator.contact import contact_force
 from simulator.rig import Model
 from simulator.simulation import Simulation
 from simulator.state import State
@@ -101,7 +102,7 @@ def energy_and_losses(model: Model, column: np.ndarray) -> tuple[float, float]:
     energy += 0.4 * bearing.stiffness * depth**2.5
     # What the contact takes from all that moves, but for what its elastic part stores.
     now = State(*column[:11], 0.0)
-    force = contact_force(model, np.full(MOST_CANDIDATES, bearing.damping_factor), now)
+    force = contact_force(model, candidates_of(model), now)
     normal_rate = np.dot(q / np.hypot(*q), [STATION * vx - hvx, STATION * vy - hvy])
     given = force.moment_x * vx + force.moment_y * vy - force.force_x * hvx - force.force_y * hvy
     given += force.shaft_torque * speed + force.ring_torque * ring

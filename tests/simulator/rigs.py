@@ -6,6 +6,7 @@ from math import tau
 import numpy as np
 
 from daq.rig import load_rig
+from simulator.candidates import DAMPING_FACTOR, candidates_of
 from simulator.rig import Model
 from simulator.simulation import STATE, Simulation, signals_for
 
@@ -26,6 +27,13 @@ def ideal(name: str) -> Model:
 def changed(model: Model, **tables) -> Model:
     """Return a model with some numbers of some tables replaced."""
     return model._replace(**{name: getattr(model, name)._replace(**table) for name, table in tables.items()})
+
+
+def candidates(model: Model, damping_factor: float = 0.0) -> np.ndarray:
+    """Return the model's candidates (8, 6) with a damping factor, s/m."""
+    rows = candidates_of(model)
+    rows[:, DAMPING_FACTOR] = damping_factor
+    return rows
 
 
 def state(**fields: float) -> np.ndarray:

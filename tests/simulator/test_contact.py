@@ -3,6 +3,7 @@ from math import hypot, log, pi, sqrt
 import numpy as np
 import pytest
 
+from simulator.candidates import DAMPING_FACTOR
 from simulator.contact import (
     beyond_pins,
     contact_force,
@@ -12,7 +13,7 @@ from simulator.contact import (
 )
 from simulator.law import friction, normal_force, normal_stiffness
 from simulator.state import State
-from tests.simulator.rigs import changed, ideal, model_of, rebound, state
+from tests.simulator.rigs import candidates, changed, ideal, model_of, rebound, state
 
 DIRECTIONS = np.linspace(0.0, 2.0 * pi, 25)
 
@@ -24,12 +25,12 @@ def state_at(x: float, y: float, model, **fields: float) -> State:
 
 
 def test_ring_normal_points_outwards_and_penetration_counts_from_the_clearance():
-    bearing = model_of("ball").backup_bearing
+    bearing, places = model_of("ball").backup_bearing, candidates(model_of("ball"))
     for angle in DIRECTIONS:
-        nx, ny, depth = wall(bearing, 12.5e-3, 0, 1.6e-3 * np.cos(angle), 1.6e-3 * np.sin(angle))
+        nx, ny, depth = wall(bearing, places, 12.5e-3, 0, 1.6e-3 * np.cos(angle), 1.6e-3 * np.sin(angle))
         assert (nx, ny) == pytest.approx((np.cos(angle), np.sin(angle)), abs=1e-15)
         assert depth == pytest.approx(0.1e-3, abs=1e-18)  # rounding of 1.6e-3
-    assert wall(bearing, 12.5e-3, 0, 0.0, 0.0) == (0.0, 0.0, -1.5e-3)
+    assert wall(bearing, places, 12.5e-3, 0, 0.0, 0.0) == (0.0, 0.0, -1.5e-3)
 
 
 def test_pins_leave_the_clearance_on_the_diagonals_and_a_cusp_on_the_axes():
@@ -41,24 +42,23 @@ def test_pins_leave_the_clearance_on_the_diagonals_and_a_cusp_on_the_axes():
     assert cusp == pytest.approx(2.228e-3, abs=1e-6)  # the specification's number, to its digits
     # Rounding only: distances of 18 mm subtract to nothing.
     for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
-        assert penetration(model, state_at(x * diagonal, y * diagonal, model)) == pytest.approx(
-            0.0, abs=1e-16
-        )
+        place = state_at(x * diagonal, y * diagonal, model)
+        assert penetration(model, candidates(model), place) == pytest.approx(0.0, abs=1e-16)
     for x, y in ((1, 0), (0, 1), (-1, 0), (0, -1)):
         place = state_at(x * cusp, y * cusp, model)
-        assert penetration(model, place) == pytest.approx(0.0, abs=1e-16)
+        assert penetration(model, candidates(model), place) == pytest.approx(0.0, abs=1e-16)
         beyond = state_at(x * (cusp + 1e-5), y * (cusp + 1e-5), model)
-        force = contact_force(model, np.zeros(4), beyond)
+        force = contact_force(model, candidates(model), beyond)
         sideways = force.force_y if x else force.force_x
         assert abs(sideways) < 1e-9 * force.normal  # two equal pins press straight back
         assert force.force_x * x + force.force_y * y < 0.0
 
 
 def test_pin_normals_point_from_the_shaft_to_the_tip_s_centre():
-    bearing = model_of("pinned").backup_bearing
+    bearing, places = model_of("pinned").backup_bearing, candidates(model_of("pinned"))
     signs = [(1, 1), (-1, 1), (-1, -1), (1, -1)]
     for index, (x, y) in enumerate(signs):
-        nx, ny, depth = wall(bearing, 12.5e-3, index, 0.0, 0.0)
+        nx, ny, depth = wall(bearing, places, 12.5e-3, index, 0.0, 0.0)
         assert (nx, ny) == pytest.approx((x * sqrt(0.5), y * sqrt(0.5)))
         assert depth == pytest.approx(-1.5e-3)
 
@@ -100,7 +100,7 @@ def test_friction_dissipates_at_every_sliding_direction():
 
 def test_friction_pushes_a_turning_shaft_backwards_and_brakes_it():
     model = model_of("ball")
-    force = contact_force(model, np.full(4, 2.1), state_at(0.0, -1.6e-3, model, speed=60.0))
+    force = contact_force(model, candidates(model, 2.1), state_at(0.0, -1.6e-3, model, speed=60.0))
     assert force.force_x < 0.0  # at the bottom the shaft's surface moves to +x
     assert force.force_y == pytest.approx(force.normal)
     assert force.shaft_torque < 0.0
@@ -124,7 +124,7 @@ def test_sliding_along_the_wall_loses_energy(name):
             speed=random.normal(0.0, 60.0),
             ring_speed=random.normal(0.0, 60.0),
         )
-        force = contact_force(model, np.zeros(4), now)
+        force = contact_force(model, candidates(model), now)
         power = force.moment_x * now.tilt_rate_x + force.moment_y * now.tilt_rate_y
         power += force.shaft_torque * now.speed + force.ring_torque * now.ring_speed
         assert power < 0.0
@@ -134,7 +134,7 @@ def test_axial_slip_takes_its_share_of_the_friction():
     # The shaft rolls on the ring without slip, but tilts into the wall: friction is along the shaft alone.
     model = model_of("ball")
     now = state_at(1.6e-3, 0.0, model, tilt_rate_x=0.5, speed=56.0, ring_speed=50.0)
-    force = contact_force(model, np.zeros(4), now)
+    force = contact_force(model, candidates(model), now)
     lever = 1.6e-3 + 12.5e-3
     slip = lever * 0.5
     along = 0.4 * force.normal * slip / hypot(slip, 5e-3)
@@ -144,13 +144,13 @@ def test_axial_slip_takes_its_share_of_the_friction():
 
 def test_latched_damping_is_that_of_the_closing():
     model = changed(model_of("ball"), backup_bearing={"damping_mode": 1, "restitution": 0.71})
-    factors = np.zeros(4)
-    latch(model, state_at(1.4e-3, 0.0, model, tilt_rate_x=0.1 / 0.211), factors)
-    assert factors[0] == pytest.approx(0.29 / 0.1)
-    latch(model, state_at(1.6e-3, 0.0, model, tilt_rate_x=0.2 / 0.211), factors)
-    assert factors[0] == pytest.approx(0.29 / 0.1)  # closed: held
-    latch(model, state_at(1.4e-3, 0.0, model, tilt_rate_x=-0.1 / 0.211), factors)
-    assert factors[0] == pytest.approx(0.29 / 0.01)  # opening: the lowest speed counts
+    places = candidates(model)
+    latch(model, state_at(1.4e-3, 0.0, model, tilt_rate_x=0.1 / 0.211), places)
+    assert places[0, DAMPING_FACTOR] == pytest.approx(0.29 / 0.1)
+    latch(model, state_at(1.6e-3, 0.0, model, tilt_rate_x=0.2 / 0.211), places)
+    assert places[0, DAMPING_FACTOR] == pytest.approx(0.29 / 0.1)  # closed: held
+    latch(model, state_at(1.4e-3, 0.0, model, tilt_rate_x=-0.1 / 0.211), places)
+    assert places[0, DAMPING_FACTOR] == pytest.approx(0.29 / 0.01)  # opening: the lowest speed counts
 
 
 def restitution_root(factor: float, speed: float) -> float:

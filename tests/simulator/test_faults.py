@@ -9,6 +9,7 @@ from daq.backends.emulator import Emulator
 from daq.rig import RigError, load_rig
 from simulator.faults import Fault, FaultKind
 from simulator.readings import Readings
+from simulator.rig import Pin
 from simulator.sensors import sensor_table
 from simulator.simulation import Simulation, signals_for
 from simulator.unbalance import UnbalanceMass, with_masses, with_unbalance
@@ -123,7 +124,7 @@ def test_the_rig_s_faults_come_at_their_sample_however_advance_is_divided():
             simulation.advance(parts[-1])
         found.append(np.concatenate(parts, axis=1))
         bearing = simulation.model.backup_bearing
-        assert (bearing.worn_pin, bearing.pin_wear) == (3, 2e-4)
+        assert bearing.pins == (Pin(wear=2e-4, number=3),)
         assert bearing.clearance == pytest.approx(1.6e-3)
         assert simulation.model.magnetic_bearing.stiffness == 0.0
     assert np.array_equal(found[0], found[1])

@@ -8,6 +8,7 @@ from daq.rig import load_rig
 from simulator.contact import contact_force
 from simulator.dynamics import derivatives
 from simulator.state import Inputs, State
+from tests.simulator.rigs import candidates
 from twin.correction import correct
 from twin.layout import DYNAMIC, INPUTS
 from twin.linear import congruence, discretise, multiply
@@ -56,7 +57,7 @@ def test_a_tick_is_the_matrix_exponential(model, depth, doublings):
     free_rates(model, 80.0, rates)
     input_rates(model, inputs)
     slopes = np.empty((5, 5))
-    contact_slopes(model, np.full(4, 2.1), pressed(depth), slopes)
+    contact_slopes(model, candidates(model, 2.1), pressed(depth), slopes)
     add_contact(model, slopes, rates)
     flow = np.empty((DYNAMIC, DYNAMIC + INPUTS))
     discretise(rates, inputs, STEP, doublings, flow, np.empty((2, DYNAMIC, DYNAMIC + INPUTS)))
@@ -71,16 +72,16 @@ def test_a_tick_is_the_matrix_exponential(model, depth, doublings):
 
 def test_the_rates_are_those_of_the_simulator(model):
     """Compare each column of the matrix with differences of the simulator's derivatives, in contact."""
-    here, inputs, factors = pressed(8e-5), Inputs(0.0, 0.0, 0.0, 0.0), np.full(4, 2.1)
+    here, inputs, places = pressed(8e-5), Inputs(0.0, 0.0, 0.0, 0.0), candidates(model, 2.1)
     rates, slopes = np.empty((DYNAMIC, DYNAMIC)), np.empty((5, 5))
     free_rates(model, here.speed, rates)
-    assert contact_slopes(model, factors, here, slopes) == contact_force(model, factors, here)
+    assert contact_slopes(model, places, here, slopes) == contact_force(model, places, here)
     add_contact(model, slopes, rates)
     steps = [1e-7, 1e-7, 1e-5, 1e-5, 1e-8, 1e-8, 1e-6, 1e-6, 1e-3]
     for column, step in enumerate(steps):
         there = here._replace(**{State._fields[column]: here[column] + step})
         change = np.subtract(
-            derivatives(model, factors, inputs, there), derivatives(model, factors, inputs, here)
+            derivatives(model, places, inputs, there), derivatives(model, places, inputs, here)
         )
         expected = change[:DYNAMIC] / step
         scale = np.abs(rates[:, column]).max()
