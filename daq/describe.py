@@ -8,7 +8,7 @@ from daq.rig import Rig
 from daq.timing import StartTime
 
 PACKAGES = ("rigtwin", "numpy", "numba", "eclipse-zenoh", "mcap", "protobuf")
-LIVE, EMULATED, REPLAY = "LIVE", "EMULATED", "REPLAY"
+LIVE, EMULATED, IMPORTED, REPLAY = "LIVE", "EMULATED", "IMPORTED", "REPLAY"
 
 
 def describe(rig: Rig, run: str, start: StartTime, emulated: bool) -> Description:

@@ -21,6 +21,7 @@ COMMANDS = (
     "rigtwin.recording_commands",
     "rigtwin.verify_command",
     "rigtwin.export_command",
+    "rigtwin.import_command",
     "rigtwin.doctor",
 )
 

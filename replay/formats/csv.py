@@ -1,7 +1,7 @@
 """Comma-separated text: lines that begin with #, a line of names with units, and a line for each sample.
 
 Time is in s since the run's sample 0. Numbers have the digits that give them back exactly. The fields of
-missing samples are empty, and the last line, a comment again, names the missing stretches.
+missing samples are empty.
 """
 
 import json
@@ -19,7 +19,6 @@ def write(path: Path, head: Head, pieces: Iterable[Signals]) -> None:
     """Write the file."""
     names = ["time [s]", *(f"{column.name} [{column.unit}]" for column in head.columns)]
     schema = pa.schema([(names[0], pa.float64()), *((name, pa.float32()) for name in names[1:])])
-    gaps: list[tuple[int, int]] = []
     with path.open("xb") as file:
         for name, value in head.facts().items():
             file.write(f"# {name}: {value}\n".encode())
@@ -32,5 +31,3 @@ def write(path: Path, head: Head, pieces: Iterable[Signals]) -> None:
                     pa.array(row, from_pandas=True) for row in piece.samples
                 ]  # NaN becomes an empty field
                 writer.write_table(pa.table([pa.array(piece.time), *rows], schema))
-                gaps += piece.gaps
-        file.write(f"# gaps: {json.dumps(gaps)}\n".encode())

@@ -213,8 +213,14 @@ def read_csv(path):
         "angle": force["angle_deg"],
         "rate": float(said["rate_hz"]),
         "start_ns": ns(said["start"]),
-        "gaps": json.loads(said["gaps"]),
+        "gaps": empty_lines(values[:, 1:]),
     }
+
+
+def empty_lines(rows: np.ndarray) -> list[list[int]]:
+    """First and last of the lines that have no value."""
+    edges = np.flatnonzero(np.diff(np.isnan(rows).all(axis=1).astype(int), prepend=0, append=0))
+    return [[int(first), int(end) - 1] for first, end in edges.reshape(-1, 2)]
 
 
 def ns(text: str) -> int:
