@@ -1,6 +1,6 @@
 """What others want of the acquisition: one bounded queue that its one thread waits on."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from queue import Empty, SimpleQueue
 from typing import NamedTuple
 
@@ -57,10 +57,13 @@ class Orders:
         """Order the end of the run; from any thread or a signal handler."""
         self._queue.put(EndOrder())
 
-    def take_commands(self, link: Link, rig: str) -> None:
-        """Serve the rig's commands and hear its lease holder on a link."""
-        for name in TAKES:
+    def take_commands(self, link: Link, rig: str, names: Iterable[str] = TAKES) -> None:
+        """Serve commands to the rig on a link."""
+        for name in names:
             link.serve(keys.command(rig, name), self._receive)
+
+    def hear_holder(self, link: Link, rig: str) -> None:
+        """Hear the rig's lease holder on a link."""
         link.subscribe(keys.lease(rig), self._hear)
 
     def _receive(self, request: Request) -> None:

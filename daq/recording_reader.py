@@ -205,24 +205,17 @@ class Recording:
         Raises:
             RecordingError: there are no such samples, or no such channel.
         """
-        if key not in SERIES_KEYS:
-            raise RecordingError(f"no series is named {key!r}: there are {', '.join(SERIES_KEYS)}")
-        found = self._overlapping(SERIES_KEYS[key](self.description.rig), first, last)
-        if not found:
-            raise RecordingError(f"{self.path}: no samples of {key} from index {first} on")
-        known = found[0].names
-        unknown = [name for name in names or () if name not in known]
-        if unknown:
-            raise RecordingError(
-                f"{self.path}: no channel {unknown[0]!r} in {key}: it has {', '.join(known)}"
-            )
-        return joined(found, names or known, first, last)
+        return joined(self.pieces(key, first, last), names, first, last, f"{self.path}: {key}")
 
-    def _overlapping(self, topic: str, first: int, last: int | None) -> list[Series]:
-        """Return the series of a topic that have samples from `first` to `last`, by their first sample.
+    def pieces(self, key: str, first: int = 0, last: int | None = None) -> list[Series]:
+        """Return the messages of block, estimate or truth that have samples from `first` to `last`, in order.
 
         They are looked for from the end: the earliest is the last one that does not begin behind `first`.
+        Raises RecordingError for another key.
         """
+        if key not in SERIES_KEYS:
+            raise RecordingError(f"no series is named {key!r}: there are {', '.join(SERIES_KEYS)}")
+        topic = SERIES_KEYS[key](self.description.rig)
         begin, end = self._stretch(first, last)
         found: list[Series] = []
         earliest = 0  # log time before which no series is wanted

@@ -113,6 +113,7 @@ class Service:
         )
         self._data.serve(keys.description(name), self._describe)
         self._orders.take_commands(self._control, name)
+        self._orders.hear_holder(self._control, name)
 
     def _describe(self, request: Request) -> None:
         """Answer with the run's description, once there is one."""

@@ -9,6 +9,7 @@ import numpy as np
 from daq.certificate import Coverage
 from daq.messages import Samples, Series
 from daq.optional import optional
+from daq.storage import RecordingError
 
 EXTRA = "export"
 """The extra that installs the packages for tables and file formats."""
@@ -95,9 +96,21 @@ def series_end(series: Series) -> int:
     return series.first_sample + series.samples.shape[1] * max(series.stride, 1)
 
 
-def joined(found: Sequence[Series], names: Sequence[str], first: int, last: int | None) -> Signals:
-    """Put some channels of series side by side from index `first` to `last`, or to the end if None."""
-    return _cut(_join(found, names), first, last)
+def joined(
+    found: Sequence[Series], names: Sequence[str] | None, first: int, last: int | None, what: str
+) -> Signals:
+    """Put some channels of series side by side from index `first` to `last`, or to the end if None.
+
+    Raises:
+        RecordingError: there is no series, or not such a channel in it; the text says so of `what`.
+    """
+    if not found:
+        raise RecordingError(f"{what} has no samples from index {first} on")
+    known = found[0].names
+    unknown = [name for name in names or () if name not in known]
+    if unknown:
+        raise RecordingError(f"{what} has no channel {unknown[0]!r}: it has {', '.join(known)}")
+    return _cut(_join(found, names or known), first, last)
 
 
 def _join(found: Sequence[Series], names: Sequence[str]) -> Signals:

@@ -1,7 +1,6 @@
 """`python -m replay play FILE` publishes a recording in the daq's place."""
 
 import argparse
-import math
 import os
 import sys
 from collections.abc import Sequence
@@ -9,6 +8,8 @@ from pathlib import Path
 from threading import Event as Flag
 from threading import Timer
 from typing import TYPE_CHECKING
+
+from replay.options import rate, seconds
 
 if TYPE_CHECKING:
     from daq.rig import Rig
@@ -33,7 +34,9 @@ def parser() -> argparse.ArgumentParser:
     play = processes.add_parser(
         "play", help="publish a recording until its end, or until standard input ends"
     )
-    play.add_argument("file", type=Path, metavar="FILE", help="recording; its continuations follow it")
+    play.add_argument(
+        "files", nargs="+", type=Path, metavar="FILE", help="recording; its continuations follow it"
+    )
     play.add_argument(
         "--rig",
         metavar="NAME|PATH",
@@ -42,6 +45,8 @@ def parser() -> argparse.ArgumentParser:
     play.add_argument(
         "--rate", type=rate, default=1.0, metavar="N|max", help="times real time, or as fast as it is taken"
     )
+    play.add_argument("--start", type=seconds, default=0.0, metavar="S", help="where to begin")
+    play.add_argument("--loop", action="store_true", help="begin again at the end")
     play.add_argument("--recorded-twin", action="store_true", help="also what the twin said")
     play.add_argument(
         "--wait-for",
@@ -53,20 +58,10 @@ def parser() -> argparse.ArgumentParser:
     return made
 
 
-def rate(text: str) -> float:
-    """Return times real time; infinite for `max`."""
-    try:
-        times = math.inf if text == "max" else float(text)
-    except ValueError:
-        times = math.nan
-    if not times > 0.0:
-        raise argparse.ArgumentTypeError(f"{text!r} must be a number above 0, or max")
-    return times
-
-
 def _play(options: argparse.Namespace) -> int:
     from daq.parent import follow_parent
-    from replay.player import play
+    from replay.play import play
+    from replay.transport import Transport
 
     told_to_end = Flag()
 
@@ -78,10 +73,12 @@ def _play(options: argparse.Namespace) -> int:
 
     rig = _rig(options)
     follow_parent(end)
+    transport = Transport(options.rate, loop=options.loop)
+    transport.target = options.start
     samples = play(
         rig,
-        options.file,
-        options.rate,
+        options.files,
+        transport,
         recorded_twin=options.recorded_twin,
         wait_for=[name for name in options.wait_for.split(",") if name],
         told_to_end=told_to_end,
@@ -99,8 +96,8 @@ def _rig(options: argparse.Namespace) -> "Rig":
     if options.rig:
         rig = load_rig(options.rig)
     else:
-        with Recording(options.file) as recording:
-            rig = rig_from_text(recording.rig_toml, str(options.file))
+        with Recording(options.files[0]) as recording:
+            rig = rig_from_text(recording.rig_toml, str(options.files[0]))
     return with_free_ports(rig)
 
 

@@ -9,6 +9,7 @@ from daq import keys
 from daq.certificate import Coverage
 from daq.messages import Series, decode_series
 from daq.messages_pb2 import Event
+from daq.recorded_run import RecordedRun
 from daq.recording import Check, Message, Recording, RecordingError, parts, series_end
 from daq.recording_reader import SERIES_KEYS
 
@@ -59,36 +60,23 @@ class History:
         ]
 
 
-class RecordedRun:
-    """A recording with its continuations, read as one.
+class RepeatableRun(RecordedRun):
+    """A recorded run from its beginning, over which the twin can be run again.
 
     Raises:
         RecordingError: a file cannot be read, or it is a continuation itself.
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.files = [Recording(part) for part in parts(path)]
-        first = self.files[0]
-        self.path, self.description = first.path, first.description
-        if first.part > 1:
+        super().__init__(path)
+        if (part := self.files[0].part) > 1:
             self.close()
             raise RecordingError(
-                f"{path} is part {first.part} of a recording: the twin's state at its beginning comes "
+                f"{path} is part {part} of a recording: the twin's state at its beginning comes "
                 "from the earlier parts; name the first one"
             )
         self.blocks = Coverage()
         """Samples of the blocks that are there; filled by `check`."""
-
-    def __enter__(self) -> "RecordedRun":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close the files."""
-        for file in self.files:
-            file.close()
 
     def check(self) -> list[Check]:
         """Compare each file with its certificate, and note which samples there are."""
@@ -97,14 +85,9 @@ class RecordedRun:
     def _note(self, block: Series) -> None:
         self.blocks.add(block.first_sample, series_end(block))
 
-    def messages(self, *topics: str) -> Iterator[Message]:
-        """Yield the messages of some topics, or of all, in the order of the files."""
-        for file in self.files:
-            yield from file.messages(*topics)
-
-    def series(self, name: str) -> Iterator[Series]:
-        """Yield the messages of block, estimate or truth."""
-        for message in self.messages(SERIES_KEYS[name](self.description.rig)):
+    def decoded(self, key: str) -> Iterator[Series]:
+        """Yield the messages of block, estimate or truth, in the order of the files."""
+        for message in self.messages(SERIES_KEYS[key](self.description.rig)):
             yield decode_series(message.payload)
 
     def in_order(self, messages: Iterable[Message]) -> Iterator[Message]:
@@ -133,7 +116,7 @@ class RecordedRun:
                 details = event.details
                 sessions[-1].gaps.append((int(details["first"]), int(details["last"]), details["cause"]))
         stretches = Coverage()
-        for series in self.series("estimate"):
+        for series in self.decoded("estimate"):
             stretches.add(series.first_sample, series_end(series))
         if stretches.samples and (not sessions or stretches.first < sessions[0].start):
             sessions.insert(0, Session(stretches.first))  # the event of its start was not recorded

@@ -78,7 +78,7 @@ class Stretch:
         expected: int | None = None
         for found in self._windows():
             first = self.first if expected is None else expected
-            piece = joined(found, self._known(found[0]), first, self.end - 1)
+            piece = joined(found, self._names, first, self.end - 1, f"{self.path}: {self.series}")
             if not piece.samples.shape[1]:
                 continue
             if expected is not None:
@@ -100,16 +100,6 @@ class Stretch:
             found = [series for series in window if series_end(series) > self.first]
             if found:
                 yield sorted(found, key=lambda series: series.first_sample)
-
-    def _known(self, series: Series) -> Sequence[str]:
-        """Return the channels wanted, all of which a message has."""
-        wanted = series.names if self._names is None else self._names
-        unknown = [name for name in wanted if name not in series.names]
-        if unknown:
-            raise RecordingError(
-                f"{self.path}: no channel {unknown[0]!r} in {self.series}: it has {', '.join(series.names)}"
-            )
-        return wanted
 
 
 def _end(file: Recording) -> int:

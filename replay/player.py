@@ -8,18 +8,19 @@ subscribers alone.
 import math
 import time
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from threading import Event as Flag
 
 from daq import keys
 from daq.describe import REPLAY
 from daq.link import Link, Publisher, Request
 from daq.messages import decode_series
-from daq.messages_pb2 import Description, Event, Status
+from daq.messages_pb2 import Answer, Description, Event, Status
+from daq.orders import CommandOrder, Orders
 from daq.presence import Presence
-from daq.recording import Message, Recording, parts, series_end
-from daq.rig import Rig
-from daq.runtime import claim
+from daq.recorded_run import RecordedRun
+from daq.recording import Message, series_end
+from daq.timing import NS
+from replay.transport import Transport
 
 PROCESS = "player"
 STATUS_PERIOD = 0.1  # s
@@ -35,42 +36,55 @@ class PlayerError(RuntimeError):
 
 
 class Player:
-    """Publishes one recording, with its continuations.
+    """Publishes recordings of one rig, one after another.
 
     Args:
         link: that listens where the daq would, made with `wait_for_room`.
-        path: the recording.
-        rate: times real time; infinite for as fast as the subscribers take it.
+        control: link that listens where the daq would hear commands.
+        runs: the recordings, at least one.
+        transport: rate and loop.
         recorded_twin: whether the recorded estimates, summaries and events of the twin are played too.
     """
 
-    def __init__(self, link: Link, path: Path, rate: float = 1.0, *, recorded_twin: bool = False) -> None:
-        self.warnings: list[str] = []
-        """What is missing from the recording, in plain words."""
-        self._files = [Recording(part) for part in parts(path)]
-        self._description = self._files[0].description
-        self._link, self._rate = link, rate
-        rig = self._description.rig
+    def __init__(
+        self,
+        link: Link,
+        control: Link,
+        runs: Sequence[RecordedRun],
+        transport: Transport,
+        *,
+        recorded_twin: bool = False,
+    ) -> None:
+        self.warnings: dict[str, None] = {}
+        """What is missing from the recordings, in plain words."""
+        self._link, self._runs, self._transport = link, runs, transport
+        self._run = runs[0]
+        rig = self._run.description.rig
         self._block, self._event = keys.block(rig), keys.event(rig, "daq")
         self._recorded_twin = recorded_twin
         self._publishers: dict[str, Publisher] = {}
         self._status = link.publish(keys.status(rig, PROCESS))
         self._presence = Presence(rig, link)
+        self._orders = Orders()
         self._reached: dict[str, int] = {}
-        self._sample = self._description.first_sample
+        self._sample = self._run.description.first_sample
+        self._played = 0
         self._lag = 0.0
         self._status_due = 0.0
         self._last_event = -1
         self._end_seen = False
         link.subscribe(keys.status(rig, "*"), self._on_status)
         link.serve(keys.description(rig), self._describe)
-        for process in (PROCESS, "daq"):
-            link.announce(keys.alive(rig, process))
+        self._orders.take_commands(control, rig, transport.commands)
+        for each in (link, control):
+            for process in (PROCESS, "daq"):
+                each.announce(keys.alive(rig, process))
 
     def wait_for(self, processes: Sequence[str], told_to_end: Flag) -> None:
         """Return when these processes have subscribed. Raises `PlayerError` when they do not come."""
         deadline = time.monotonic() + PATIENCE
-        while (missing := self._presence.missing(tuple(processes))) and not told_to_end.wait(LOOK):
+        while (missing := self._presence.missing(tuple(processes))) and not told_to_end.is_set():
+            self._serve(LOOK)
             self._tell("waiting")
             if time.monotonic() > deadline:
                 raise PlayerError(
@@ -78,19 +92,66 @@ class Player:
                 )
 
     def play(self, told_to_end: Flag) -> int:
-        """Publish until the end of the recording, or until told to end; return the samples played."""
-        clock = self._files[0].clock
-        begun, first = time.monotonic(), clock.ns(self._description.first_sample)
-        for message in self._messages():
-            due = begun + (message.log_time - first) / 1e9 / self._rate
-            if told_to_end.wait(due - time.monotonic()) if due > time.monotonic() else told_to_end.is_set():
-                break
-            self._lag = 0.0 if math.isinf(self._rate) else max(0.0, time.monotonic() - due)
-            self._publish(message.key, message.payload)
-            self._tell("playing")
+        """Publish until the end of the last recording, or until told to end; return the samples played."""
+        number = 0
+        while number < len(self._runs) and not told_to_end.is_set():
+            self._turn_to(self._runs[number])
+            if self._play_on(told_to_end, is_last=number + 1 == len(self._runs)):
+                number += 1
+                if self._transport.loop and not self._end_seen:
+                    number %= len(self._runs)
+                    told_to_end.wait(LOOK)
         if not self._end_seen:
             self._publish_end(told_to_end.is_set())
-        return self._sample - self._description.first_sample
+        return self._played
+
+    def _turn_to(self, run: RecordedRun) -> None:
+        """Go on with a recording, where the transport says or at its beginning."""
+        self._run = run
+        self._reached.clear()
+        last = run.last(self._block).get(self._block)
+        if last is not None:
+            end = series_end(decode_series(last.payload))
+            self._transport.duration = run.clock.elapsed_ns(end) / NS
+        self._transport.go_on_from(self._transport.target or 0.0)
+
+    def _play_on(self, told_to_end: Flag, *, is_last: bool) -> bool:
+        """Publish from where the transport is; return whether the recording's end was reached."""
+        t0_ns = self._run.description.t0_ns
+        for message in self._messages(round(self._transport.position * self._run.description.rate)):
+            position = (message.log_time - t0_ns) / NS
+            if not self._wait(position, told_to_end):
+                return False
+            is_block = message.key == self._block
+            if message.key != self._event or not self._is_premature_end(message.payload, is_last):
+                self._publish(message.key, message.payload)
+            self._transport.passed(position, is_block=is_block)
+            self._tell(self._transport.state)
+        return True
+
+    def _wait(self, position: float, told_to_end: Flag) -> bool:
+        """Wait until a message is due; return False when the replay is to go on elsewhere or to end."""
+        while True:
+            self._serve(0.0)
+            if told_to_end.is_set() or self._transport.target is not None:
+                return False
+            wait = self._transport.wait(position, time.monotonic())
+            if wait <= 0.0:
+                self._lag = 0.0 if math.isinf(self._transport.rate) else -wait
+                return True
+            self._serve(min(wait, LOOK))
+            self._tell(self._transport.state)
+
+    def _serve(self, timeout: float) -> None:
+        """Wait for a command at most so long, and obey it."""
+        order = self._orders.get(timeout)
+        if isinstance(order, CommandOrder):
+            ended = Answer(text="the replay has ended")
+            order.reply(ended if self._end_seen else self._transport.obey(order.command))
+
+    def _is_premature_end(self, payload: bytes, is_last: bool) -> bool:
+        """Whether an event tells subscribers of an end after which the replay goes on."""
+        return (self._transport.loop or not is_last) and Event.FromString(payload).kind == "end"
 
     def see_off(self, processes: Sequence[str], told_to_end: Flag) -> None:
         """Stay until everything that was published has been read.
@@ -107,23 +168,20 @@ class Player:
             if known and elapsed > LINGER and not any(map(self._is_behind, processes)):
                 return
             self._tell("ended")
-            time.sleep(LOOK)
+            self._serve(LOOK)
 
     def _is_behind(self, process: str) -> bool:
         return process in self._presence and self._reached.get(process, 0) < self._sample
 
-    def close(self) -> None:
-        """Close the recording."""
-        for recording in self._files:
-            recording.close()
-
-    def _messages(self) -> Iterator[Message]:
-        """Yield what is to be played; warn of what is not there."""
-        for recording in self._files:
+    def _messages(self, first: int) -> Iterator[Message]:
+        """Yield what is to be played from a sample on; warn of what is not there."""
+        for recording in self._run.files:
             wanted = [topic for topic in recording.topics() if self._is_wanted(topic)]
-            yield from recording.messages(*wanted)
+            if wanted:
+                yield from recording.messages_between(*wanted, first=first)
             if recording.truncated:
-                self.warnings.append(f"{recording.path}: {recording.truncated}; what is intact was played")
+                self.warnings[f"{recording.path}: {recording.truncated}; what is intact was played"] = None
+        self.warnings |= dict.fromkeys(self._run.unreadable)
 
     def _is_wanted(self, topic: str) -> bool:
         if keys.topic(topic).message == "Status":
@@ -135,7 +193,9 @@ class Player:
             self._publishers[key] = self._link.publish(key, wait=True)
         self._publishers[key].put(payload)
         if key == self._block:
-            self._sample = series_end(decode_series(payload))
+            series = decode_series(payload)
+            self._sample = series_end(series)
+            self._played += series.samples.shape[1]
         elif key == self._event:
             event = Event.FromString(payload)
             self._last_event = event.sequence
@@ -144,8 +204,8 @@ class Player:
     def _publish_end(self, stopped: bool) -> None:
         """Tell subscribers of an end that the recording does not hold."""
         event = Event(
-            timestamp=self._files[0].clock.ns(self._sample) / 1e9,
-            run=self._description.run,
+            timestamp=self._run.clock.ns(self._sample) / 1e9,
+            run=self._run.description.run,
             sample=self._sample,
             sequence=self._last_event + 1,
             source="daq",
@@ -156,14 +216,16 @@ class Player:
         self._publish(self._event, event.SerializeToString(deterministic=True))
 
     def _describe(self, request: Request) -> None:
+        """Answer with the description of the run that is named, or of the present one."""
+        descriptions = {run.description.run.encode(): run.description for run in self._runs}
         description = Description()
-        description.CopyFrom(self._description)
+        description.CopyFrom(descriptions.get(request.payload, self._run.description))
         description.mode = REPLAY
         request.reply(description.SerializeToString(deterministic=True))
 
     def _on_status(self, key: str, payload: bytes) -> None:
         status = Status.FromString(payload)
-        if status.run == self._description.run:
+        if status.run == self._run.description.run:
             self._reached[keys.process_of(key)] = status.sample
 
     def _tell(self, state: str) -> None:
@@ -174,53 +236,13 @@ class Player:
         self._status_due = now + STATUS_PERIOD
         status = Status(
             timestamp=time.time(),
-            run=self._description.run,
+            run=self._run.description.run,
             sample=self._sample,
             process=PROCESS,
             monotonic_ns=time.monotonic_ns(),
             utc_ns=time.time_ns(),
             state=state,
-            samples=self._sample - self._description.first_sample,
+            samples=self._played,
             lag=self._lag,
         )
         self._status.put(status.SerializeToString())
-
-
-def play(
-    rig: Rig,
-    path: Path,
-    rate: float = 1.0,
-    *,
-    recorded_twin: bool = False,
-    wait_for: Sequence[str] = (),
-    told_to_end: Flag | None = None,
-) -> int:
-    """Play a recording on a rig's endpoints and return the samples played.
-
-    Args:
-        rig: whose ports are all given.
-        path: the recording, or part 1 of one in several parts.
-        rate: times real time; infinite for as fast as the subscribers take it.
-        recorded_twin: whether what the twin said is played too.
-        wait_for: processes that must be there before the first message.
-        told_to_end: ends the replay when it is set.
-
-    Raises:
-        AlreadyRunning: this rig is live.
-        RecordingError: the file cannot be read.
-        PlayerError: a process that was waited for did not come.
-        LinkError: a port is in use.
-    """
-    told_to_end = told_to_end or Flag()
-    record = {"mode": REPLAY, **rig.link._asdict(), "toml": rig.toml}
-    with claim(rig.name, record), Link(listen=[rig.link.endpoint("daq")], wait_for_room=True) as link:
-        player = Player(link, path, rate, recorded_twin=recorded_twin)
-        try:
-            player.wait_for(wait_for, told_to_end)
-            samples = player.play(told_to_end)
-            player.see_off(wait_for, told_to_end)
-        finally:
-            player.close()
-    for warning in player.warnings:
-        print(f"replay: warning: {warning}", flush=True)
-    return samples

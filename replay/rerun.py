@@ -14,13 +14,13 @@ from daq.describe import versions
 from daq.messages import Series, decode_series
 from daq.recording import Message, RecordingError, RecordingWriter
 from daq.rig import Rig, rig_from_text
-from replay.history import NOT_RECEIVED, History, RecordedRun
+from replay.history import NOT_RECEIVED, History, RepeatableRun
 from twin.estimation import SOURCE, Twin
 
 Progress = Callable[[int], object]
 
 
-def rig_of(run: RecordedRun) -> Rig:
+def rig_of(run: RepeatableRun) -> Rig:
     """Return the rig that a run was made with.
 
     Raises:
@@ -45,7 +45,9 @@ class Repetition:
         RigError: the rig has no model, or its description is not understood.
     """
 
-    def __init__(self, run: RecordedRun, history: History, progress: Progress = lambda sample: None) -> None:
+    def __init__(
+        self, run: RepeatableRun, history: History, progress: Progress = lambda sample: None
+    ) -> None:
         self.current = 0
         """Number of the earliest process that may still be at work."""
         self._run, self._history, self._progress = run, history, progress
@@ -93,7 +95,7 @@ def estimate(source: str | Path, target: str | Path, progress: Progress = lambda
         RecordingError: the source cannot be read or the target cannot be written.
         RigError: the rig has no model, or its description is not understood.
     """
-    with RecordedRun(source) as run:
+    with RepeatableRun(source) as run:
         run.check()
         description = run.description
         twin = Twin(rig_of(run), description.run, description.t0_ns)
@@ -120,7 +122,7 @@ def _process(twin: Twin, payload: bytes, cause: str = NOT_RECEIVED) -> list[tupl
         raise RecordingError(f"the twin cannot be run again: {error}") from error
 
 
-def _others(run: RecordedRun) -> Iterator[Message]:
+def _others(run: RepeatableRun) -> Iterator[Message]:
     """Yield all messages but the twin's: blocks by their index, the others as they come in the file."""
     block = keys.block(run.description.rig)
     waiting: list[Message] = []

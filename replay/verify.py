@@ -9,7 +9,7 @@ from daq.fingerprint import numeric_fingerprint
 from daq.messages import Series
 from daq.recording import Check
 from replay.comparison import Comparison, Difference, Scales
-from replay.history import History, RecordedRun
+from replay.history import History, RepeatableRun
 from replay.rerun import Progress, Repetition
 
 BOUND = 1e-6
@@ -73,7 +73,7 @@ def verify(path: str | Path, progress: Progress = lambda sample: None) -> Verdic
         VerifyError: it holds no estimates.
         RigError: its rig description is lost or not understood.
     """
-    with RecordedRun(path) as run:
+    with RepeatableRun(path) as run:
         checks = run.check()
         altered = [check for check in checks if check.verdict == "altered"]
         history = run.history()
@@ -88,20 +88,20 @@ def verify(path: str | Path, progress: Progress = lambda sample: None) -> Verdic
         return judge(run, comparison, history, changed, checks)
 
 
-def scales(run: RecordedRun) -> Scales:
+def scales(run: RepeatableRun) -> Scales:
     """Return the largest magnitude of each channel of the recorded estimates."""
     found = Scales()
-    for series in run.series("estimate"):
+    for series in run.decoded("estimate"):
         found.take(series)
     return found
 
 
-def compare(run: RecordedRun, repetition: Repetition, comparison: Comparison) -> None:
+def compare(run: RepeatableRun, repetition: Repetition, comparison: Comparison) -> None:
     """Compare each recorded estimate with that of the process of the twin that made it."""
     blocks = repetition.blocks()
     ahead: dict[int, dict[int, Series]] = {}
     reached = latest = -1
-    for recorded in run.series("estimate"):
+    for recorded in run.decoded("estimate"):
         while reached < recorded.first_sample and (made := next(blocks, None)) is not None:
             reached = made[0]
             ahead[reached] = made[1]
@@ -120,7 +120,7 @@ def compare(run: RecordedRun, repetition: Repetition, comparison: Comparison) ->
     comparison.unrecorded = sum(bool(found) for sample, found in ahead.items() if sample < latest)
 
 
-def changes(run: RecordedRun) -> dict[str, tuple[str, str]]:
+def changes(run: RepeatableRun) -> dict[str, tuple[str, str]]:
     """Return in what the recording's numeric fingerprints differ from this computer's."""
     here = numeric_fingerprint()
     found: dict[str, tuple[str, str]] = {}
@@ -136,7 +136,7 @@ def changes(run: RecordedRun) -> dict[str, tuple[str, str]]:
 
 
 def judge(
-    run: RecordedRun,
+    run: RepeatableRun,
     comparison: Comparison,
     history: History,
     changed: dict[str, tuple[str, str]],
@@ -200,7 +200,9 @@ def _why(first: Difference, other_computer: bool) -> str:
     return "the twin gives another answer on a computer of the same numeric fingerprint"
 
 
-def _notes(run: RecordedRun, comparison: Comparison, history: History, checks: list[Check]) -> Iterator[str]:
+def _notes(
+    run: RepeatableRun, comparison: Comparison, history: History, checks: list[Check]
+) -> Iterator[str]:
     """Yield what could not be repeated, and what is not whole."""
     for file, check in zip(run.files, checks, strict=True):
         if check.verdict not in ("valid", "altered"):

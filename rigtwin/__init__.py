@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from daq.plan import Plan, load_plan
+    from daq.recorded_run import RecordedRun
     from daq.recording import Recording, RecordingError, Signals
     from daq.rig import Rig, RigError, load_rig, rig_from_text, shipped_rigs
     from replay.export import export
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Plan",
+    "RecordedRun",
     "Recording",
     "RecordingError",
     "Rig",
@@ -32,6 +34,7 @@ __all__ = [
 
 _HOMES = {
     "Plan": "daq.plan",
+    "RecordedRun": "daq.recorded_run",
     "Recording": "daq.recording",
     "RecordingError": "daq.recording",
     "Rig": "daq.rig",

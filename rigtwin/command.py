@@ -9,6 +9,8 @@ import time
 from math import radians
 from typing import TYPE_CHECKING
 
+from rigtwin import replay_control
+
 if TYPE_CHECKING:
     from daq.messages_pb2 import Answer
     from daq.rig import Rig
@@ -22,9 +24,9 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     """Add `command` and `shutdown` to the command line."""
     parser = commands.add_parser(
         "command",
-        help="talk to the running rig: arm, speed, hit, stop, trip, reset, mark",
-        description="Talk to the rig that is running. Whoever may command may stop: stop and trip need no "
-        "lease.",
+        help="talk to the running rig or replay: arm, speed, hit, stop, trip, reset, mark; pause, seek, ...",
+        description="Talk to the rig that is running, or to the replay. Whoever may command may stop: stop "
+        "and trip need no lease.",
     )
     parser.add_argument("--rig", metavar="NAME", help="which rig, where several run")
     parser.add_argument("--json", action="store_true", help="print the answer as JSON")
@@ -46,6 +48,7 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     names.add_parser("reset", help="clear a latched trip whose cause is gone")
     mark = names.add_parser("mark", help="write a remark into the recording")
     mark.add_argument("text")
+    replay_control.add_commands(names)
 
     shutdown = commands.add_parser("shutdown", help="end the running rig in order")
     shutdown.add_argument("--rig", metavar="NAME", help="which rig, where several run")
@@ -53,12 +56,17 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
 
 
 def run(options: argparse.Namespace) -> int:
-    """Send one command to the operator of the running rig, or to the daq itself when there is none."""
+    """Send one command to the operator of the running rig, to the daq when there is none, or to a replay."""
     from daq.rig import rig_from_text
     from daq.runtime import running
 
-    rig = rig_from_text(running(options.rig)["toml"])
-    answer = send(rig, options.name, *arguments_of(options, rig))
+    record = running(options.rig)
+    replay_control.refuse_other_mode(record, options.name)
+    rig = rig_from_text(record["toml"])
+    if options.name in replay_control.NAMES:
+        answer = replay_control.send(rig, options.name, replay_control.values_of(options))
+    else:
+        answer = send(rig, options.name, *arguments_of(options, rig))
     if options.json:
         print(json.dumps({"accepted": answer.accepted, "text": answer.text, "sample": answer.sample}))
     else:

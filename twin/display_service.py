@@ -15,6 +15,7 @@ from threading import Event as Flag
 from uuid import uuid4
 
 from daq import keys
+from daq.describe import EMULATED, LIVE, REPLAY
 from daq.link import Inbox, Link, LinkError, free_ports
 from daq.messages import MessageError, read_header
 from daq.messages_pb2 import Description, Status
@@ -31,7 +32,7 @@ PROCESS = "display"
 PERIOD = 0.1  # s between two pictures: one batch each keeps the viewer's work small
 CAPACITY = 2000  # messages that wait for the next picture: 10 s of a run
 ANSWER = 0.5  # s that the daq has to describe itself
-MODES = ("LIVE", "EMULATED", "REPLAY")
+MODES = (LIVE, EMULATED, REPLAY)
 
 
 class Service:
@@ -54,7 +55,7 @@ class Service:
         self._run = ""
         self._show = Show(rig, scene, screen, mode or "CONNECTING")
         self._inbox = Inbox(CAPACITY, "drop_oldest")
-        self._block = keys.block(rig.name)
+        self._block, self._estimate = keys.block(rig.name), keys.estimate(rig.name)
         self._clock, self._cpu = time.monotonic(), time.process_time()
         for key in self._show.topics:
             link.subscribe(key, self._inbox)
@@ -86,19 +87,27 @@ class Service:
 
     def _take(self, key: str, payload: bytes) -> None:
         try:
-            run = read_header(payload).run
+            _timestamp, run, sample = read_header(payload)
         except MessageError:
-            run = ""
-        if run != self._run and (key == self._block or not self._run):
+            run, sample = "", 0
+        if (run != self._run or self._goes_back(sample)) and (key == self._block or not self._run):
             self._begin(run)
-        if run == self._run:
+        if run == self._run and not (key == self._estimate and self._goes_ahead(sample)):
             self._show.take(key, payload)
 
+    def _goes_back(self, sample: int) -> bool:
+        """Tell whether a replay goes on from an earlier sample, as after a seek or in a loop."""
+        return self._show.mode == REPLAY and sample < self._scene.next_sample
+
+    def _goes_ahead(self, sample: int) -> bool:
+        """Tell whether an estimate is of samples from before a replay went back."""
+        return self._show.mode == REPLAY and sample > self._scene.next_sample
+
     def _begin(self, run: str) -> None:
-        """Show another run from now on; the first one has its screen already."""
+        """Show another run, or one anew, from now on; the first one has its screen already."""
         if self._run:
             self._scene = Scene(self._rig)
-            self._screen = Screen(self._rig, self._scene, run)
+            self._screen = Screen(self._rig, self._scene, str(uuid4()))
             self._screen.join(self._address)
             self._show = Show(self._rig, self._scene, self._screen, self._mode)
         self._run = run
@@ -110,7 +119,7 @@ class Service:
         try:
             answer = self._link.ask(keys.description(self._rig.name), b"", ANSWER)
         except LinkError:
-            return "EMULATED" if self._rig.emulated else "LIVE"
+            return EMULATED if self._rig.emulated else LIVE
         return Description.FromString(answer).mode
 
     def _publish_status(self, fill: float) -> None:

@@ -155,7 +155,7 @@ class Service:
         """Estimate over a block, unless it is to be shed."""
         header = read_header(payload)
         twin = self._twin
-        if twin is None or header.run != twin.run:
+        if twin is None or header.run != twin.run or self._goes_back(twin, header.sample):
             twin = self._begin(header.run)
         if self._is_behind(header.sample):
             self._shed = True
@@ -164,6 +164,10 @@ class Service:
             self._outlet(*message)
         self._shed = False
 
+    def _goes_back(self, twin: Twin, sample: int) -> bool:
+        """Tell whether a replay goes on from an earlier sample, as after a seek or in a loop."""
+        return self._description.mode == REPLAY and sample < (twin.observer.expected or 0)
+
     def _is_behind(self, sample: int) -> bool:
         """Tell whether a block that begins at `sample` is too old to be worth the time."""
         ahead = self._newest - sample
@@ -171,18 +175,18 @@ class Service:
 
     def _begin(self, run: str) -> Twin:
         """Begin a run: with the rig that the daq says it is made with."""
-        self._description = self._ask_description()
+        self._description = self._ask_description(run)
         rig = rig_from_text(self._description.toml, f"description of run {run}")
         self._twin = Twin(rig, run, self._description.t0_ns)
         if self._end and self._end[0] != run:
             self._end = None
         return self._twin
 
-    def _ask_description(self) -> Description:
+    def _ask_description(self, run: str) -> Description:
         deadline = time.monotonic() + DESCRIBED
         while True:
             try:
-                return Description.FromString(self._data.ask(keys.description(self._rig.name), b""))
+                return Description.FromString(self._data.ask(keys.description(self._rig.name), run.encode()))
             except LinkError as error:
                 if time.monotonic() > deadline:
                     raise ServiceError(

@@ -81,7 +81,7 @@ def test_series_are_arrays_by_name_and_time(tmp_path):
     estimate = recording.series("estimate", ["tilt_y"], first=2 * BLOCK, last=4 * BLOCK - 1)
     np.testing.assert_array_equal(estimate["tilt_y"], samples(2 * BLOCK, 3, 100, 5)[1])
     assert estimate.time[1] - estimate.time[0] == pytest.approx(5 / RATE)
-    with pytest.raises(RecordingError, match="no channel 'tilt_z' in estimate: it has tilt_x, tilt_y"):
+    with pytest.raises(RecordingError, match="estimate has no channel 'tilt_z': it has tilt_x, tilt_y"):
         recording.series("estimate", ["tilt_z"])
     piece = recording.series("block", ["force_top"], first=260, last=801)
     assert piece.first_sample == 260
@@ -91,7 +91,7 @@ def test_series_are_arrays_by_name_and_time(tmp_path):
     np.testing.assert_array_equal(piece.samples, samples(255, 2, 10, 5))
     with pytest.raises(RecordingError, match="no series is named 'blocks': there are block, estimate, truth"):
         recording.series("blocks")
-    with pytest.raises(RecordingError, match="no samples of block from index 99999 on"):
+    with pytest.raises(RecordingError, match="block has no samples from index 99999 on"):
         recording.series(first=99_999)
 
 

@@ -1,9 +1,5 @@
 import signal
-import subprocess
-import sys
-import time
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import pytest
 
@@ -13,74 +9,13 @@ from daq.messages_pb2 import Description, Event, Status
 from daq.recording import RecordingWriter, part_path
 from daq.runtime import AlreadyRunning, claim, running
 from replay.__main__ import main
-from replay.player import PlayerError, play
-from tests.daq.broadcast import PATIENCE, rig_with_ports, wait_until
+from replay.play import play
+from replay.player import PlayerError
+from tests.daq.broadcast import PATIENCE, wait_until
 from tests.daq.recorded_run import BLOCK, RIG, Maker, description, record
+from tests.replay.players import Listener
 
 TWIN = "twin/estimate"
-
-
-@pytest.fixture
-def rig(tmp_path):
-    return rig_with_ports(tmp_path)
-
-
-class Listener:
-    """A subscriber to everything that announces itself and goes when it has read the end."""
-
-    def __init__(self, rig, name: str = "twin", pause: float = 0.0) -> None:
-        self.link = Link(connect=[rig.link.endpoint("daq")])
-        self.got: list[tuple[str, bytes]] = []
-        self.arrived: list[float] = []
-        self._pause = pause
-        self._inbox = Inbox(64, "wait")
-        self.link.subscribe(keys.everything(RIG), self._inbox, recover=True)
-        self.link.announce(keys.alive(RIG, name))
-
-    def take(self) -> tuple[str, bytes] | None:
-        return self._inbox.get(PATIENCE)
-
-    def listen(self) -> list[tuple[str, bytes]]:
-        """Take everything up to the end event; return it without the statuses."""
-        while True:
-            item = self.take()
-            assert item is not None, "the replay fell silent"
-            if item[0].endswith("/status"):
-                continue
-            self.got.append(item)
-            self.arrived.append(time.monotonic())
-            time.sleep(self._pause)
-            if item[0] == keys.event(RIG, "daq") and Event.FromString(item[1]).kind == "end":
-                self.leave()
-                return self.got
-
-    def leave(self) -> None:
-        self._inbox.close()
-        self.link.close()
-
-
-@pytest.fixture
-def start(tmp_path, rig):
-    started = []
-
-    def run(path: Path, *options: object) -> subprocess.Popen:
-        arguments = [sys.executable, "-P", "-m", "replay", "play", path, "--rig", rig[1], *options]
-        with (tmp_path / f"player{len(started)}.log").open("w") as log:
-            process = subprocess.Popen(
-                [str(word) for word in arguments],
-                stdin=subprocess.PIPE,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-            )
-        process.log = Path(log.name)
-        started.append(process)
-        return process
-
-    yield run
-    for process in started:
-        process.kill()
-        process.stdin.close()
-        process.wait()
 
 
 def without_twin(messages: list[tuple[str, bytes]]) -> list[tuple[str, bytes]]:
@@ -135,7 +70,7 @@ def test_the_description_says_replay_and_the_rig_is_claimed(tmp_path, rig, start
         assert Status.FromString(statuses.get(PATIENCE)[1]).state == "playing"
         assert link.alive(keys.alive(RIG, "*")) >= {keys.alive(RIG, "daq"), keys.alive(RIG, "player")}
     with pytest.raises(AlreadyRunning):
-        play(rig[0], tmp_path / "run.mcap")
+        play(rig[0], [tmp_path / "run.mcap"])
     player.stdin.close()
     assert player.wait(PATIENCE) == 0
 
@@ -198,7 +133,7 @@ def test_a_process_that_does_not_come_is_named(tmp_path, rig, monkeypatch):
     monkeypatch.setattr("replay.player.PATIENCE", 0.1)
     record(tmp_path / "run.mcap", blocks=1)
     with pytest.raises(PlayerError, match="twin and display did not come within 0 s"):
-        play(rig[0], tmp_path / "run.mcap", wait_for=["twin", "display"])
+        play(rig[0], [tmp_path / "run.mcap"], wait_for=["twin", "display"])
 
 
 @pytest.mark.parametrize("words", ["0", "-1", "fast", "nan"])
@@ -206,7 +141,7 @@ def test_a_rate_that_is_none_is_refused(tmp_path, words, capsys):
     with pytest.raises(SystemExit) as refusal:
         main(["play", "run.mcap", "--rate", words])
     assert refusal.value.code == 2
-    assert "must be a number above 0, or max" in capsys.readouterr().err
+    assert "must be a number from 0.01 on, or max" in capsys.readouterr().err
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path, start):

@@ -124,6 +124,22 @@ def test_viewer_follows_the_run_and_a_second_run_beside_it(tmp_path):
 
 
 @pytest.mark.needs_viewer
+def test_a_replay_that_goes_back_is_shown_beside_what_was_shown(tmp_path):
+    rig = rig_on_free_ports()
+    with Source(rig, mode="REPLAY") as source, Display(rig, tmp_path) as display:
+        display.address()
+        source.wait_for_display()
+        with headless_viewer(find(rig.name).data) as (client, _):
+            source.publish(messages(rig, "run", 2.0))
+            wait_until(lambda: newest_time(client) > 1.9, "the first pass")
+            source.publish(messages(rig, "run", 1.0))
+            wait_until(lambda: len(client.get_state().recordings) == 2, "a second recording")
+            wait_until(lambda: 0.9 < min(newest_time(client, 0), newest_time(client, 1)) < 1.1, "the second")
+            assert complaints(client) == []
+        assert display.end() == 0
+
+
+@pytest.mark.needs_viewer
 def test_stopped_viewer_holds_nobody_up(tmp_path):
     rig = rig_on_free_ports()
     with Source(rig) as source, Display(rig, tmp_path) as display:

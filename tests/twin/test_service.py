@@ -219,6 +219,25 @@ def test_the_process_estimates_a_run_to_its_last_sample_and_ends(run, stage):
     assert twin.process.wait(30) == 0
 
 
+def test_a_replay_that_goes_back_is_estimated_anew(run, stage):
+    daq, twin = stage("REPLAY")
+    await_twin(daq, twin)
+    blocks = encoded(run)[:40]
+    for block in [*blocks, *blocks[20:]]:
+        daq.blocks.put(block)
+    key, last = keys.estimate("thesis-ball"), run.blocks[39].first_sample
+    messages = []
+    for _ in range(2):
+        messages += twin.until(key, lambda payload: decode_series(payload).first_sample == last)
+    expected = of(processed(Twin(run.rig, RUN, 0), blocks), key)
+    expected += of(processed(Twin(run.rig, RUN, 0), blocks[20:]), key)
+    assert [decode_series(each).samples.tobytes() for each in of(messages, key)] == [
+        decode_series(each).samples.tobytes() for each in expected
+    ]
+    daq.end(last + 250)
+    assert twin.process.wait(30) == 0
+
+
 def test_a_backlog_is_shed_live_and_the_newest_is_estimated(run, stage):
     daq, twin = stage()
     await_twin(daq, twin)
