@@ -14,6 +14,7 @@ from daq import protection
 from daq.answers import Answers
 from daq.backend import Backend, EnableOutput, Output, PastSampleError, Reading, RestOutput, TruthSource
 from daq.commands import CommandError, Commands, Situation
+from daq.continuity import Continuity, DriftWatch
 from daq.envelope import Envelope, EnvelopeError, Present
 from daq.events import EventLog, Publish
 from daq.guard import guard_of
@@ -70,6 +71,8 @@ class Acquisition:
         self._protection = protection.initial_state(self._guard)
         self._raw = np.empty((n_channels, read))
         self._values = np.empty((n_channels, read), np.float32)
+        self._continuity = Continuity(rig.acquisition.rate)
+        self._drift = DriftWatch(rig.acquisition.rate)
 
     @property
     def first_out(self) -> str:
@@ -124,10 +127,10 @@ class Acquisition:
 
     def step(self) -> int:
         """Read what is there, at most one read; protect, act, publish. Return the number of samples read."""
-        reading = self._backend.read(self._raw)
+        reading = self._receive()
         if not reading.n_samples:
             return 0
-        flags = self._flags | reading.flags | self._note_gap(reading) | self._lateness()
+        flags = self._flags | reading.flags | self._lateness()
         values = self._calibrate(reading)
         self._shaft.add(values, reading.first_sample)
         verdict = protection.check(values, reading.first_sample, self._protection, self._guard)
@@ -140,7 +143,8 @@ class Acquisition:
             self._events.add("warning", warned.text, warned.sample, WARNING, {"cause": warned.cause})
         self._stream.add(values, reading.first_sample, flags)
         if self._truth:
-            self._stream.add_truth(self._truth.truth(), reading.first_sample, flags)
+            truth = self._truth.truth()[:, -reading.n_samples :]
+            self._stream.add_truth(truth, reading.first_sample, flags)
         return reading.n_samples
 
     def serve(self, command: Command, reply: Reply = lambda answer: None) -> Answer:
@@ -171,10 +175,21 @@ class Acquisition:
 
     def elapse(self, seconds: float) -> None:
         """Let time pass by the daq's own clock; a holder that is silent for too long loses the lease."""
+        if self.start_time is not None and not self.ended:
+            self._watch_clock(seconds)
         if self.commands.elapse(seconds):
             silence = f"{self.commands.holder} was silent for {self.rig.command.lease:g} s"
             text = f"{silence}: lease lost, rig brought to rest"
             self._trip("lease_lost", protection.Trip(LEASE_LOST, self._backend.clock(), text))
+
+    def _watch_clock(self, seconds: float) -> None:
+        """Publish when the device's clock and the host's part."""
+        excess = self._drift.elapse(seconds, self._backend.clock())
+        if excess:
+            text = (
+                f"the device's clock is {excess:+.0f} ppm off the computer's: look at rate and clock source"
+            )
+            self._events.add("clock_drift", text, self.sample, WARNING, {"ppm": excess})
 
     def rest(self) -> None:
         """Bring the rotor to rest for the run's end; no command moves it any more."""
@@ -219,12 +234,36 @@ class Acquisition:
         values[...] = self.rig.channels.calibrate(raw, raw)
         return values
 
-    def _note_gap(self, reading: Reading) -> int:
-        """Publish a gap when samples are missing before this reading; set the next index."""
-        expected, self.sample = self.sample, reading.first_sample + reading.n_samples
-        missing = reading.first_sample - expected
+    def _receive(self) -> Reading:
+        """Read what is there; leave out what came before, and publish what was wrong with the delivery."""
+        reading = self._backend.read(self._raw)
+        if not reading.n_samples:
+            if self._paced and self.due() <= 0.0:
+                self._continuity.nothing(self._backend.clock())
+            return reading
+        arrival = self._continuity.admit(reading, self._backend.clock())
+        fresh = arrival.reading
+        old = reading.n_samples - fresh.n_samples
+        if old:
+            self._raw[:, : fresh.n_samples] = self._raw[:, old : reading.n_samples].copy()
+        if arrival.again:
+            text = f"{arrival.again} samples came twice: left out"
+            self._events.add("repeated", text, self.sample, WARNING, {"samples": arrival.again})
+        if arrival.late:
+            seconds = arrival.late / self.rig.acquisition.rate
+            text = f"the device delivered nothing for {seconds:.3f} s; limits were not checked meanwhile"
+            self._events.add("late", text, self.sample, WARNING, {"seconds": seconds})
+        if fresh.n_samples:
+            flags = self._note_gap(fresh, arrival.missing)
+            self.sample = fresh.first_sample + fresh.n_samples
+            fresh = fresh._replace(flags=fresh.flags | flags)
+        return fresh
+
+    def _note_gap(self, reading: Reading, missing: int) -> int:
+        """Publish a gap when samples are missing before this reading."""
         if not missing:
             return 0
+        expected = self.sample
         self.lost += missing
         last = reading.first_sample - 1
         overrun = reading.flags & OVERRUN

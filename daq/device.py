@@ -24,7 +24,7 @@ PIECE = 0.01
 """s of the rig's time that are simulated at once while it runs down."""
 
 
-class Start(NamedTuple):
+class Clock(NamedTuple):
     """When sample 0 was, s of the host's monotonic clock, and the samples in each of its seconds."""
 
     origin: float
@@ -38,6 +38,7 @@ class Samples(NamedTuple):
     flags: int
     raw: np.ndarray
     truth: np.ndarray
+    clock: Clock
 
 
 class Reply(NamedTuple):
@@ -97,17 +98,18 @@ class Device:
         self._rig = rig_from_text(toml)
         self._emulator.open(self._rig)
 
-    def _do_start(self) -> Start:
+    def _do_start(self) -> Clock:
         self._emulator.start()
         self._sampling = True
-        return Start(*self._emulator.pace)
+        return Clock(*self._emulator.pace)
 
     def _do_read(self, count: int) -> Samples:
         assert self._rig is not None
         raw = np.empty((len(self._rig.channels), count))
         reading = self._emulator.read(raw)
         samples = np.ascontiguousarray(raw[:, : reading.n_samples])
-        return Samples(reading.first_sample, reading.flags, samples, self._emulator.truth())
+        clock = Clock(*self._emulator.pace)
+        return Samples(reading.first_sample, reading.flags, samples, self._emulator.truth(), clock)
 
     def _do_write(self, output: Any, at_sample: int | None) -> int:
         return self._emulator.write(output, at_sample)

@@ -27,7 +27,7 @@ from daq.settings import (
     TwinSettings,
 )
 from simulator.checks import check_model
-from simulator.faults import Fault, check_fault, damaged, of_sensor, schedule
+from simulator.faults import Fault, check_fault, damaged, of_rig, schedule
 from simulator.rig import Model, Solenoid, model_from_mapping
 from simulator.unbalance import UnbalanceMass, with_masses
 from simulator.validation import NAME, RigError, nearest, tuple_at
@@ -335,7 +335,7 @@ def _check_faults(rig: Rig) -> None:
         if fault.channel and fault.channel not in rig.channels:
             known = nearest(fault.channel, rig.channels.names, "there are")
             raise RigError(f"[[emulator.fault]] channel = {fault.channel} is no channel of the rig{known}")
-    ours = [fault for fault in rig.faults if not of_sensor(fault)]
+    ours = [fault for fault in rig.faults if of_rig(fault)]
     if ours:
         model = rig.emulated_model
         for _, fault in schedule(ours, rig.acquisition.rate):

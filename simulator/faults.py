@@ -1,4 +1,4 @@
-"""What goes wrong with the emulated rig and its sensors, and when: data, for runs that can be repeated."""
+"""What goes wrong with the emulated rig, its sensors and its device, and when: data, for runs that repeat."""
 
 from collections.abc import Sequence
 from enum import IntEnum
@@ -10,7 +10,7 @@ from simulator.validation import NAME, Quantity, RigError, written
 
 
 class FaultKind(IntEnum):
-    """What goes wrong. The first are sensors' faults, which need a channel; the others are the rig's."""
+    """What goes wrong: first sensors' faults, which need a channel, then the rig's, then the device's."""
 
     GAIN = 0
     DRIFT = 1
@@ -23,10 +23,15 @@ class FaultKind(IntEnum):
     UNBALANCE_STEP = 8
     WORN_PIN = 9
     CLEARANCE_CHANGED = 10
+    DROPPED = 11
+    REPEATED = 12
+    LATE = 13
+    UNPLUGGED = 14
+    CLOCK_DRIFT = 15
 
 
 class Fault(NamedTuple):
-    """A row `[[emulator.fault]]`: from a moment on, to the end of the run."""
+    """A row `[[emulator.fault]]`: from a moment on, to the end of the run unless its size is a length."""
 
     kind: FaultKind
     at: Annotated[float, Quantity("s", 0.0, 1e7, "when it begins, from the first sample on")]
@@ -48,15 +53,32 @@ SIZES = {
     FaultKind.UNBALANCE_STEP: "kg m",
     FaultKind.WORN_PIN: "m by which the pin's gap grows",
     FaultKind.CLEARANCE_CHANGED: "m by which the clearance grows",
+    FaultKind.DROPPED: "whole samples that are never delivered",
+    FaultKind.REPEATED: "whole samples that are delivered twice",
+    FaultKind.LATE: "s during which nothing is delivered",
+    FaultKind.CLOCK_DRIFT: "parts per million by which the device's clock runs fast",
 }
 """What `size` means; the other kinds have none."""
 
-MOST_SKEW = 1_000_000  # samples
+MOST_SAMPLES = 1_000_000
+MOST_DRIFT = 100_000.0  # ppm
+IN_SAMPLES = (FaultKind.SKEW, FaultKind.DROPPED, FaultKind.REPEATED)
+POSITIVE = (FaultKind.NOISE, FaultKind.RUNOUT, FaultKind.LATE)
 
 
 def of_sensor(fault: Fault) -> bool:
     """Tell whether a fault is a sensor's."""
     return fault.kind <= FaultKind.OPEN
+
+
+def of_rig(fault: Fault) -> bool:
+    """Tell whether a fault is the rig's own."""
+    return FaultKind.OPEN < fault.kind < FaultKind.DROPPED
+
+
+def of_device(fault: Fault) -> bool:
+    """Tell whether a fault is that of the device that reads the sensors."""
+    return fault.kind >= FaultKind.DROPPED
 
 
 def check_fault(fault: Fault) -> None:
@@ -69,9 +91,11 @@ def check_fault(fault: Fault) -> None:
     if fault.kind not in SIZES and fault.size is not None:
         raise RigError(f"{place} has no size; leave it out")
     size = fault.size or 0.0
-    if fault.kind == FaultKind.SKEW and not (0.0 <= size <= MOST_SKEW and size == int(size)):
-        raise RigError(f"{place} size = {size:g} must be a whole number of samples from 0 to {MOST_SKEW}")
-    if fault.kind in (FaultKind.NOISE, FaultKind.RUNOUT) and size < 0.0:
+    if fault.kind in IN_SAMPLES and not (0.0 <= size <= MOST_SAMPLES and size == int(size)):
+        raise RigError(f"{place} size = {size:g} must be a whole number of samples from 0 to {MOST_SAMPLES}")
+    if fault.kind == FaultKind.CLOCK_DRIFT and abs(size) > MOST_DRIFT:
+        raise RigError(f"{place} size = {size:g} must be from -{MOST_DRIFT:g} to {MOST_DRIFT:g} ppm")
+    if fault.kind in POSITIVE and size < 0.0:
         raise RigError(f"{place} size = {size:g} must not be negative")
 
 

@@ -99,6 +99,7 @@ class EmulatedDevice:
         count = samples.raw.shape[1]
         out[:, :count] = samples.raw
         self._truth = samples.truth
+        self._origin, self._pace = samples.clock
         return Reading(samples.first_sample, count, samples.flags)
 
     def truth(self) -> NDArray[np.float64]:

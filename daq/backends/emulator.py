@@ -18,10 +18,11 @@ from daq.backend import (
     RestOutput,
     SpeedOutput,
 )
+from daq.backends.mishaps import DeviceClock, Mishaps
 from daq.backends.signals import TRUTH, TRUTH_UNITS
 from daq.messages import BlockStatus
 from daq.rig import Rig
-from simulator.faults import of_sensor
+from simulator.faults import of_device, of_rig, of_sensor
 from simulator.readings import Readings
 from simulator.sensors import sensor_table
 from simulator.simulation import Simulation, SimulationError
@@ -64,7 +65,6 @@ class Emulator:
         self._rig: Rig | None = None
         self._simulation: Simulation | None = None
         self._fresh: Simulation | None = None  # made by `open`, so that `start` takes no time
-        self._origin = 0.0  # s of `clock` at sample 0
         self._next = 0  # sample that the next reading begins with
         self._stopped_at: int | None = 0  # what `clock()` says while nothing is sampled
         self._pending: list[tuple[int, int, Output]] = []  # heap of (sample, order of writing, output)
@@ -100,12 +100,14 @@ class Emulator:
         self._enabled = True
         self._next = 0
         self._stopped_at = None
-        self._origin = self._now()
+        rate, faults = rig.acquisition.rate, [fault for fault in rig.faults if of_device(fault)]
+        self._mishaps = Mishaps(faults, rate, self.capabilities.paced, len(rig.channels))
+        self._clock = DeviceClock(self._now(), rate, faults)
 
     @property
     def pace(self) -> tuple[float, float]:
         """When sample 0 was, s of the device's clock, and the samples that follow in each of its seconds."""
-        return self._origin, self._opened().acquisition.rate
+        return self._clock.origin, self._clock.pace
 
     def clock(self) -> int:
         """Return the number of samples taken."""
@@ -113,27 +115,24 @@ class Emulator:
             return self._stopped_at
         if not self.capabilities.paced:
             return self._next
-        return int((self._now() - self._origin) * self._opened().acquisition.rate)
+        return self._clock.samples(self._now())
 
     def read(self, out: NDArray[np.float64]) -> Reading:
         """Compute and return the oldest samples that have not been read; `out` must be C-contiguous."""
         simulation = self._running()
+        taken = self.clock() if self.capabilities.paced else None
         flags = 0
-        count = out.shape[1]
-        if self.capabilities.paced:
-            taken = self.clock()
-            if taken - self._buffer > self._next:
-                flags |= OVERRUN
-                self._lose(simulation, taken - self._buffer)
+        if taken is not None and taken - self._buffer > self._next:
+            flags |= OVERRUN
+            self._lose(simulation, taken - self._buffer)
+        delivers, sample = self._mishaps.happen(self._next, taken)
+        self._lose(simulation, sample)
+        if (repeated := self._mishaps.repeat(self._next, out)) is not None:
+            return repeated
+        count = self._mishaps.room(self._next, out.shape[1]) if delivers else 0
+        if taken is not None:
             count = min(count, taken - self._next)
-        first = self._next
-        self._last = self._signals.columns(count)
-        if count:
-            self._simulate(simulation, self._last)
-            if self._readings.read(self._last, first, out):
-                flags |= CLIPPED
-            self._next += count
-        return Reading(first, count, flags)
+        return self._deliver(simulation, out, count, flags)
 
     def truth(self) -> NDArray[np.float64]:
         """Return the true signals of the last reading."""
@@ -177,6 +176,18 @@ class Emulator:
         if self._simulation is None:
             raise BackendError("the emulator is not sampling: call start() first")
         return self._simulation
+
+    def _deliver(self, simulation: Simulation, out: NDArray[np.float64], count: int, flags: int) -> Reading:
+        """Compute the next `count` samples."""
+        first = self._next
+        self._last = self._signals.columns(count)
+        if count:
+            self._simulate(simulation, self._last)
+            if self._readings.read(self._last, first, out):
+                flags |= CLIPPED
+            self._mishaps.remember(out[:, :count])
+            self._next += count
+        return Reading(first, count, flags)
 
     def _simulate(self, simulation: Simulation, signals: NDArray[np.float64]) -> None:
         """Fill `signals`, performing each output at its sample."""
@@ -255,7 +266,7 @@ class Scratch:
 
 def simulation_of(rig: Rig) -> Simulation:
     """Return the emulated rig at sample 0, with the faults that it will have."""
-    faults = [fault for fault in rig.faults if not of_sensor(fault)]
+    faults = [fault for fault in rig.faults if of_rig(fault)]
     return Simulation(rig.emulated_model, rig.acquisition.rate, faults=faults)
 
 

@@ -25,10 +25,10 @@ BEARING = {
     "damping_mode": "whether `damping_factor` is used, or one found from `restitution` at each impact",
 }
 FAULT = {
-    "kind": "what goes wrong, to the end of the run: first a sensor's faults, then the rig's",
+    "kind": "what goes wrong: first a sensor's faults, then the rig's, then the device's (from `dropped` on)",
     "size": "of a gain the factor; of drift (a second), runout (once a turn) and noise (rms) in the "
-    "channel's SI unit; of a skew in samples; of an unbalance in kg m; of a pin's or the clearance's "
-    "change in m:",
+    "channel's SI unit; of a skew and of dropped and repeated ones in samples; of an unbalance in kg m; of a "
+    "pin's or the clearance's change in m; of `late` in s; of a clock's drift in ppm:",
     "channel": "the sensor's, for its faults;",
     "name": "for `--set` and for rows of a base;",
 }

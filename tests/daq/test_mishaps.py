@@ -1,0 +1,178 @@
+"""What goes wrong with a device: each fault is one event, and no sample is lost that is not told."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from daq import keys
+from daq.acquisition import Acquisition
+from daq.backend import BackendError, Reading
+from daq.backends.emulator import Emulator
+from daq.backends.mishaps import DeviceClock
+from daq.continuity import Continuity, DriftWatch
+from daq.messages import BlockStatus, decode_series
+from daq.messages_pb2 import Event
+from daq.rig import RigError, load_rig, rig_from_text
+from simulator.faults import Fault, FaultKind
+
+RATE = 25_000.0
+EVENTS = {"dropped": "gap", "repeated": "repeated", "late": "late", "clock-drift": "clock_drift"}
+
+
+def rig_with(*faults):
+    rows = "".join(
+        f'\n[[emulator.fault]]\nname = "f{number}"\nkind = "{kind}"\nat = {at}\n'
+        + (f"size = {size}\n" if size is not None else "")
+        for number, (kind, at, size) in enumerate(faults)
+    )
+    return rig_from_text(load_rig("thesis-ball").toml + rows)
+
+
+class Run:
+    """The daq on a paced emulator, by a clock that the test turns in steps of a read."""
+
+    def __init__(self, rig, paced=True):
+        self.seconds = 100.0
+        self.published = []
+        self.backend = Emulator(paced=paced, clock=lambda: self.seconds)
+        self.backend.open(rig)
+        self.daq = Acquisition(rig, self.backend, lambda *message: self.published.append(message), run="r")
+        self.daq.begin()
+        self.rig = rig
+
+    def until(self, seconds):
+        step = self.rig.acquisition.read / self.rig.acquisition.rate
+        while self.seconds < 100.0 + seconds:
+            self.seconds += step
+            self.daq.elapse(step)
+            self.daq.step()
+            while self.daq.lag > step:  # it catches up at once, as far as the device lets it
+                if not self.daq.step():
+                    break
+        return self
+
+    def events(self):
+        key = keys.event(self.rig.name, "daq")
+        return [Event.FromString(payload) for topic, payload in self.published if topic == key]
+
+    def blocks(self):
+        key = keys.block(self.rig.name)
+        return [decode_series(payload) for topic, payload in self.published if topic == key]
+
+
+def samples_of(run):
+    run.daq.end()
+    return np.concatenate([block.samples for block in run.blocks()], axis=1)
+
+
+def assert_begins_as(found, wanted):
+    """The same samples, up to the last read: its length hangs on how the steps of the clock round."""
+    shortest = min(found.shape[1], wanted.shape[1])
+    assert abs(found.shape[1] - wanted.shape[1]) <= 50
+    np.testing.assert_array_equal(found[:, :shortest], wanted[:, :shortest])
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return samples_of(Run(rig_with()).until(0.5))
+
+
+@pytest.mark.parametrize("paced", [True, False])
+def test_dropped_samples_are_one_gap_of_their_number(whole, paced):
+    run = Run(rig_with(("dropped", 0.1001, 777)), paced)
+    while run.daq.sample < whole.shape[1]:
+        run.until(run.seconds - 100.0 + 0.002) if paced else run.daq.step()
+    (gap,) = [event for event in run.events() if event.kind == "gap"]
+    first = round(0.1001 * RATE)
+    assert (int(gap.details["first"]), int(gap.details["last"])) == (first, first + 776)
+    assert gap.details["cause"] == "the device skipped samples"
+    assert run.daq.lost == 777
+    kept = np.delete(whole, np.s_[first : first + 777], axis=1)
+    assert_begins_as(samples_of(run), kept)
+
+
+def test_repeated_samples_are_left_out_and_told_once(whole):
+    run = Run(rig_with(("repeated", 0.1, 333))).until(0.5)
+    assert [event.kind for event in run.events()] == ["start", "repeated"]
+    assert run.events()[1].details["samples"] == "333"
+    assert_begins_as(samples_of(run), whole)
+
+
+def test_late_samples_are_told_once_and_all_there(whole):
+    run = Run(rig_with(("late", 0.1, 0.2))).until(0.5)
+    assert [event.kind for event in run.events()] == ["start", "late"]
+    assert float(run.events()[1].details["seconds"]) == pytest.approx(0.2, abs=0.005)
+    assert_begins_as(samples_of(run), whole)
+
+
+def test_an_unplugged_device_fails_after_its_last_sample():
+    run = Run(rig_with(("unplugged", 0.1, None)))
+    with pytest.raises(BackendError, match="unplugged at sample 2500"):
+        run.until(0.5)
+    assert run.daq.sample == 2500
+
+
+def test_a_clock_that_drifts_is_told_once():
+    run = Run(rig_with(("clock-drift", 1.0, 20_000))).until(6.0)
+    assert [event.kind for event in run.events()] == ["start", "clock_drift"]
+    # 50 ms apart at 2 % takes 2.5 s after 1 s without: 50 ms in 3.5 s
+    assert float(run.events()[1].details["ppm"]) == pytest.approx(0.05 / 3.5 * 1e6, rel=0.02)
+    assert run.backend.clock() == pytest.approx((1.0 + 5.0 * 1.02) * RATE, abs=51 * 1.02)
+
+
+def test_a_clock_goes_on_from_where_its_pace_changed():
+    clock = DeviceClock(10.0, 1000.0, [Fault(FaultKind.CLOCK_DRIFT, 2.0, 1e5)])
+    assert [clock.samples(now) for now in (10.0, 11.9999, 12.00001, 13.00001)] == [0, 1999, 2000, 3100]
+    assert clock.samples(20.00001) == 2000 + 8 * 1100
+
+
+def test_a_good_clock_is_not_complained_of():
+    watch = DriftWatch(1000.0)
+    found = [watch.elapse(0.1, round(100.05 * step)) for step in range(6000)]  # 500 ppm for 600 s
+    assert not any(found)
+
+
+def test_readings_that_overlap_count_once():
+    continuity = Continuity(1000.0)
+    assert continuity.admit(Reading(0, 50, 0), 50).reading == (0, 50, 0)
+    assert continuity.admit(Reading(20, 30, 0), 60).reading.n_samples == 0
+    arrival = continuity.admit(Reading(40, 30, BlockStatus.CLIPPED), 90)
+    assert arrival == (Reading(50, 20, BlockStatus.CLIPPED), 0, 40, 0)
+    assert continuity.admit(Reading(80, 10, 0), 90).missing == 10
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        (("dropped", 0.1, 1.5), r"size = 1.5 must be a whole number of samples"),
+        (("late", 0.1, -1.0), r"size = -1 must not be negative"),
+        (("clock-drift", 0.1, 2e5), r"size = 200000 must be from -100000 to 100000 ppm"),
+        (("unplugged", 0.1, 1), r"has no size; leave it out"),
+        (("late", 0.1, None), r"needs size: s during which nothing is delivered"),
+    ],
+)
+def test_a_fault_that_cannot_be_is_refused(fault, message):
+    with pytest.raises(RigError, match=message):
+        rig_with(fault)
+
+
+@pytest.mark.parametrize(
+    ("seed", "seconds"), [(1, 12.0), (2, 12.0), pytest.param(3, 600.0, marks=pytest.mark.slow)]
+)
+def test_every_fault_of_a_soak_is_one_event_and_its_number_of_samples(seed, seconds):
+    """One fault a second, at random, and a drifting clock at the end; apart, so that none hides another."""
+    chance = np.random.default_rng(seed)
+    sizes = {"dropped": lambda: chance.integers(1, 5000), "repeated": lambda: chance.integers(1, 900)}
+    sizes["late"] = lambda: round(chance.uniform(0.06, 0.3), 4)
+    faults = [
+        (kind, round(second + chance.uniform(0.0, 0.6), 5), sizes[kind]())
+        for second, kind in enumerate(chance.choice(list(sizes), round(seconds) - 7), start=1)
+    ]
+    run = Run(rig_with(*faults, ("clock-drift", seconds - 5.0, 30_000))).until(seconds)
+    found = Counter(event.kind for event in run.events())
+    assert found == Counter(EVENTS[kind] for kind, *_ in faults) + Counter(start=1, clock_drift=1)
+    assert run.daq.lost == sum(size for kind, _, size in faults if kind == "dropped")
+    run.daq.end()
+    told = sum(block.samples.shape[1] for block in run.blocks())
+    assert told + run.daq.lost == run.daq.sample
