@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from daq.acquisition import AT_REST
-from daq.backend import BackendError, PastSampleError, RestOutput
+from daq.backend import BackendError, EnableOutput, PastSampleError, RestOutput
 from daq.backends.emulator import Emulator
 from daq.backends.signals import TRUTH
 from daq.rig import Rig, rig_from_text
@@ -125,6 +125,7 @@ class Device:
         """Bring the rig to rest as a device's watchdog does, whatever the daq wants from now on."""
         assert self._rig is not None
         sample = self._emulator.write(RestOutput(self._rig.safe_state.ramp))
+        self._emulator.write(EnableOutput(False))
         self._tripped = f"the device's watchdog has brought the rig to rest from sample {sample} on: {reason}"
         say(self._tripped)
         out = np.empty((len(self._rig.channels), round(PIECE * self._rig.acquisition.rate)))

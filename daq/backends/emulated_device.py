@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from daq.backend import (
     BackendError,
     Capabilities,
+    EnableOutput,
     HitOutput,
     Output,
     Reading,
@@ -52,7 +53,7 @@ class EmulatedDevice:
     def __init__(self) -> None:
         self.capabilities = Capabilities(
             rates=RATES,
-            outputs=(SpeedOutput, HitOutput, RestOutput),
+            outputs=(SpeedOutput, HitOutput, RestOutput, EnableOutput),
             hardware_timing=True,
             watchdog_s=DeviceSettings().watchdog_s,
             emulated=True,
