@@ -12,8 +12,6 @@ from math import isclose, tau
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import tomli_w
-
 from daq import toml_source
 from daq.channels import Channel, ChannelTable, checked_table
 from daq.limits import Limits, limits_of
@@ -176,7 +174,7 @@ def _validated(tables: Mapping[str, Any]) -> Rig:
         emulator=tuple_at(EmulatorSettings, emulator, "[emulator]"),
         actual=actual,
         faults=tuple(faults),
-        toml=tomli_w.dumps(tables),
+        toml=toml_source.dump(tables),
     )
     for check in (
         _check_acquisition,

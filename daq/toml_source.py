@@ -12,6 +12,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
+import tomli_w
+
 from simulator.validation import RigError, nearest
 
 Tables = dict[str, Any]
@@ -22,6 +24,11 @@ def shipped(what: What) -> dict[str, Path]:
     """Return the rigs or the plans that come with the product: name to path."""
     folder = Path(str(files("rigs"))) / ("plans" if what == "plan" else "")
     return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+
+
+def dump(tables: Mapping[str, Any]) -> str:
+    """Return tables as TOML text."""
+    return tomli_w.dumps(tables)
 
 
 def find(name_or_path: str | Path, what: What) -> Path:

@@ -101,7 +101,7 @@ def estimate(source: str | Path, target: str | Path, progress: Progress = lambda
         twin = Twin(rig_of(run), description.run, description.t0_ns)
         with RecordingWriter(target, description) as writer:
             writer.note("twin", {"source": run.path.name, **versions()})
-            for message in _others(run):
+            for message in without_twin(run):
                 writer.add(message.key, message.payload)
                 if message.key == keys.block(description.rig):
                     for made in _process(twin, message.payload):
@@ -122,7 +122,7 @@ def _process(twin: Twin, payload: bytes, cause: str = NOT_RECEIVED) -> list[tupl
         raise RecordingError(f"the twin cannot be run again: {error}") from error
 
 
-def _others(run: RepeatableRun) -> Iterator[Message]:
+def without_twin(run: RepeatableRun) -> Iterator[Message]:
     """Yield all messages but the twin's: blocks by their index, the others as they come in the file."""
     block = keys.block(run.description.rig)
     waiting: list[Message] = []

@@ -20,6 +20,7 @@ COMMANDS = (
     "rigtwin.replay_command",
     "rigtwin.recording_commands",
     "rigtwin.verify_command",
+    "rigtwin.limits_command",
     "rigtwin.export_command",
     "rigtwin.import_command",
     "rigtwin.doctor",

@@ -491,3 +491,60 @@ def test_a_multiplier_without_its_band_is_refused():
         RigError, match=r"\[limits.force\] multiplier_hz needs a channel that measures the speed"
     ):
         guard_of(no_speed)
+
+
+def test_before_the_first_sample_all_is_calm():
+    state = initial_state(GUARD)
+    for now in state.conditions:
+        assert now[:-1] == (0, 0, GUARD.warning_hold, 0.0, True, 0)
+        assert (now.past.dtype, now.past.size) == (np.float32, 0)
+    assert (state.next_sample, state.first_out) == (0, None)
+    assert reset(state, GUARD)[1] == ""
+
+
+def test_the_earliest_of_two_trips_in_a_read_is_first_out_whatever_it_is_called():
+    force, displaced = above(5, 45, 401.0), above(20, 30, -2.0e-3 * SCALE, base=-1.704e-3)
+    (verdict,) = after(samples(force_top=force, proximity_y=displaced))
+    assert verdict.trip.cause == "force"
+
+
+def test_a_calm_read_is_remembered_with_its_largest_value():
+    (verdict,) = after(samples(force_top=above(3, 1, 120.0)))
+    assert verdict.state.conditions[1].maximum == pytest.approx(120.0)
+
+
+def test_a_calm_read_begins_the_count_anew():
+    _, short, enough = after(
+        samples(), samples(force_top=above(0, PERSISTENCE - 1, 200.0)), samples(force_top=above(0, N, 200.0))
+    )
+    assert not short.warnings
+    assert enough.warnings[0].sample == 2 * N + PERSISTENCE - 1
+
+
+def test_spikes_shorter_than_the_persistence_are_quiet():
+    loud, spike = samples(force_top=above(0, N, 200.0)), samples(force_top=above(0, 1, 200.0))
+    verdicts = after(loud, *[spike] * 501, loud)  # the first spike prolongs what was loud
+    assert [bool(verdict.warnings) for verdict in verdicts] == [True, *[False] * 501, True]
+
+
+def test_a_second_to_the_sample_is_quiet():
+    loud, almost = samples(force_top=above(0, N, 200.0)), samples(24_999)
+    verdicts = after(loud, almost, loud, samples(25_000), loud)
+    assert [bool(verdict.warnings) for verdict in verdicts] == [True, False, False, False, True]
+
+
+def test_the_time_in_the_resonance_counts_also_while_all_is_calm():
+    guard = guard_of(PASSING)
+    calm, loud = samples(2500, motor_speed=tau * 10.0), samples(motor_speed=tau * 10.0, force_top=450.0)
+    assert after(calm, loud, guard=guard)[-1].trip
+    assert not after(samples(2500), loud, guard=guard)[-1].trip
+
+
+def test_the_ends_of_the_band_and_its_first_sample_count():
+    guard = guard_of(PASSING)
+    (condition,) = [each for each in guard.conditions if each.name == "force"]
+    multiplier = condition.multiplier._replace(low=50.0, high=75.0)
+    guard = guard._replace(conditions=(condition._replace(persistence=1, multiplier=multiplier),))
+    for speed, trips in ((50.0, False), (75.0, False), (49.5, True), (75.5, True)):
+        (verdict,) = after(samples(motor_speed=speed, force_top=401.0), guard=guard)
+        assert bool(verdict.trip) == trips
