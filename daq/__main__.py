@@ -30,6 +30,9 @@ def _parser() -> argparse.ArgumentParser:
         help="processes that must be there before the first sample, separated by commas",
     )
     acquire.add_argument("--duration", type=float, metavar="S", help="end after this many seconds")
+    acquire.add_argument(
+        "--meta", action="append", default=[], metavar="KEY=VALUE", help="goes into the recording"
+    )
     acquire.set_defaults(run_process=_acquire)
     operate = processes.add_parser("operate", help="hold the lease, perform plans, pass commands on")
     operate.add_argument("--rig", required=True, metavar="NAME|PATH", help="rig description")
@@ -45,11 +48,13 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _acquire(options: argparse.Namespace) -> int:
+    from daq.metadata import metadata_of
     from daq.rig import load_rig
     from daq.service import acquire
 
     wait_for = tuple(name for name in options.wait_for.split(",") if name)
-    acquire(load_rig(options.rig), options.run, wait_for, options.duration)
+    meta = metadata_of(options.meta)
+    acquire(load_rig(options.rig), options.run, wait_for, options.duration, meta)
     return 0
 
 

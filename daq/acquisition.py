@@ -117,6 +117,10 @@ class Acquisition:
         self._stream = Stream(rig, self._guard, self.run, self.start_time, self._publish, named)
         self._events = EventLog(rig.name, self.run, rig.acquisition.rate, self.start_time, self._publish)
         self._events.add("start", f"run {self.run} of {rig.name} started", 0, details={"run": self.run})
+        self._overdue = rig.channels.overdue(self.start_time.day)
+        for name in self._overdue:
+            text = f"channel {name}: its calibration was due on {rig.channels[name].due}"
+            self._events.add("warning", text, 0, WARNING, {"cause": f"calibration {name}"})
 
     def due(self) -> float:
         """Return the seconds until a whole read is there; 0 when one is."""
@@ -279,7 +283,7 @@ class Acquisition:
 
     def _carry_out(self, command: Command, sample: int) -> Answer:
         """Perform an accepted command. Raises what it is refused by: rules, envelope or device."""
-        now = Situation(sample, self.first_out, self.ending, self._shaft.motion())
+        now = Situation(sample, self.first_out, self.ending, self._shaft.motion(), self._overdue)
         decision = self.commands.decide(command, now)
         if command.name == "reset":
             self._reset()

@@ -112,6 +112,10 @@ class ChannelTable:
         """Return the channels that measure a quantity."""
         return tuple(channel for channel in self.channels if channel.quantity == quantity)
 
+    def overdue(self, day: datetime.date) -> tuple[str, ...]:
+        """Return the names of the channels whose calibration is no longer valid on a day."""
+        return tuple(channel.name for channel in self.channels if channel.due and channel.due < day)
+
     def calibrate(self, raw: NDArray[np.float64], out: NDArray[np.float64]) -> NDArray[np.float64]:
         """Turn raw readings, shape (n_channels, n), into SI values in `out`; may be in place."""
         np.subtract(raw, self._offset, out=out)

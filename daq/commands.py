@@ -54,6 +54,7 @@ class Situation(NamedTuple):
     first_out: str  # cause of the latched trip, empty when none
     ending: bool
     motion: Motion | None = None  # of the shaft; None when it hardly turns, or that is not known
+    overdue: tuple[str, ...] = ()  # channels whose calibration is overdue
 
 
 class Decision(NamedTuple):
@@ -148,6 +149,11 @@ class Commands:
     def _arm(self, command: Command, now: Situation) -> Decision:
         if now.first_out:
             raise CommandError(f"the rig is tripped ({now.first_out}): find the cause, then reset")
+        if now.overdue and not self._rig.command.allow_overdue:
+            raise CommandError(
+                f"the calibration of {', '.join(now.overdue)} is overdue: have it renewed, or set "
+                "command.allow_overdue = true, which the recording will tell"
+            )
         if self._lease and command.lease != self._lease:
             raise CommandError(f"{self.holder} holds the rig: one operator at a time, wait or stop it first")
         self._lease = self._lease or self._new_lease()

@@ -1,6 +1,7 @@
 """What the daq says of a run: the message that answers `daq/description` and stands in every recording."""
 
 import platform
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 
 from daq.messages_pb2 import Description
@@ -11,8 +12,10 @@ PACKAGES = ("rigtwin", "numpy", "numba", "eclipse-zenoh", "mcap", "protobuf")
 LIVE, EMULATED, IMPORTED, REPLAY = "LIVE", "EMULATED", "IMPORTED", "REPLAY"
 
 
-def describe(rig: Rig, run: str, start: StartTime, emulated: bool) -> Description:
-    """Return the description of a run that has started."""
+def describe(
+    rig: Rig, run: str, start: StartTime, emulated: bool, meta: Mapping[str, str] | None = None
+) -> Description:
+    """Return the description of a run that has started; `meta` is what people tell of it."""
     return Description(
         timestamp=start.timestamp(0, rig.acquisition.rate),
         run=run,
@@ -25,6 +28,7 @@ def describe(rig: Rig, run: str, start: StartTime, emulated: bool) -> Descriptio
         t0_source=start.source,
         mode=EMULATED if emulated else LIVE,
         versions=versions(),
+        meta=meta,
     )
 
 

@@ -214,8 +214,15 @@ class Status(_message.Message):
     def __init__(self, timestamp: _Optional[float] = ..., run: _Optional[str] = ..., sample: _Optional[int] = ..., process: _Optional[str] = ..., monotonic_ns: _Optional[int] = ..., utc_ns: _Optional[int] = ..., state: _Optional[str] = ..., lease_holder: _Optional[str] = ..., first_out: _Optional[str] = ..., backend: _Optional[str] = ..., samples: _Optional[int] = ..., lost: _Optional[int] = ..., lag: _Optional[float] = ..., queue_fill: _Optional[float] = ..., cpu: _Optional[float] = ...) -> None: ...
 
 class Description(_message.Message):
-    __slots__ = ("timestamp", "run", "first_sample", "rig", "toml", "rate", "t0_ns", "t0_uncertainty_ns", "t0_source", "mode", "versions")
+    __slots__ = ("timestamp", "run", "first_sample", "rig", "toml", "rate", "t0_ns", "t0_uncertainty_ns", "t0_source", "mode", "versions", "meta")
     class VersionsEntry(_message.Message):
+        __slots__ = ("key", "value")
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: str
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[str] = ...) -> None: ...
+    class MetaEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
         VALUE_FIELD_NUMBER: _ClassVar[int]
@@ -233,6 +240,7 @@ class Description(_message.Message):
     T0_SOURCE_FIELD_NUMBER: _ClassVar[int]
     MODE_FIELD_NUMBER: _ClassVar[int]
     VERSIONS_FIELD_NUMBER: _ClassVar[int]
+    META_FIELD_NUMBER: _ClassVar[int]
     timestamp: float
     run: str
     first_sample: int
@@ -244,7 +252,8 @@ class Description(_message.Message):
     t0_source: str
     mode: str
     versions: _containers.ScalarMap[str, str]
-    def __init__(self, timestamp: _Optional[float] = ..., run: _Optional[str] = ..., first_sample: _Optional[int] = ..., rig: _Optional[str] = ..., toml: _Optional[str] = ..., rate: _Optional[float] = ..., t0_ns: _Optional[int] = ..., t0_uncertainty_ns: _Optional[int] = ..., t0_source: _Optional[str] = ..., mode: _Optional[str] = ..., versions: _Optional[_Mapping[str, str]] = ...) -> None: ...
+    meta: _containers.ScalarMap[str, str]
+    def __init__(self, timestamp: _Optional[float] = ..., run: _Optional[str] = ..., first_sample: _Optional[int] = ..., rig: _Optional[str] = ..., toml: _Optional[str] = ..., rate: _Optional[float] = ..., t0_ns: _Optional[int] = ..., t0_uncertainty_ns: _Optional[int] = ..., t0_source: _Optional[str] = ..., mode: _Optional[str] = ..., versions: _Optional[_Mapping[str, str]] = ..., meta: _Optional[_Mapping[str, str]] = ...) -> None: ...
 
 class Command(_message.Message):
     __slots__ = ("name", "who", "lease", "values", "texts", "id")

@@ -25,6 +25,7 @@ from daq.messages_pb2 import Description
 from daq.recording_reader import (
     CHANNELS,
     FACTS,
+    META,
     RIG,
     Check,
     Message,
@@ -206,6 +207,8 @@ class RecordingWriter:
         facts = {name: getattr(description, name) for name in FACTS} | {"part": self.part}
         self.note("description", {name: json.dumps(value) for name, value in facts.items()})
         self.note("versions", dict(description.versions))
+        if description.meta:
+            self.note(META, dict(description.meta))
         t0 = description.t0_ns
         self._mcap.add_attachment(t0, t0, RIG, "application/toml", description.toml.encode())
         table = channel_table(description.toml)

@@ -32,6 +32,8 @@ from daq.timing import SampleClock
 RIG, CHANNELS = "rig.toml", "channels.csv"  # names of the attachments
 LATEST = 2**64 - 1  # log time
 FACTS = ("run", "first_sample", "rig", "rate", "t0_ns", "t0_uncertainty_ns", "t0_source", "mode")
+META = "meta"
+"""Name of the metadata record of what people told of the run."""
 SERIES_KEYS = {"block": keys.block, "estimate": keys.estimate, "truth": keys.truth}
 
 
@@ -114,7 +116,10 @@ class Recording:
     def description(self) -> Description:
         """What the daq said of the run; `first_sample` is where this part begins."""
         facts = {name: self._facts[name] for name in FACTS if name in self._facts}
-        return Description(toml=self.rig_toml, versions=self._notes.get("versions", {}), **facts)
+        notes = self._notes
+        return Description(
+            toml=self.rig_toml, versions=notes.get("versions", {}), meta=notes.get(META, {}), **facts
+        )
 
     @property
     def clock(self) -> SampleClock:

@@ -2,6 +2,7 @@
 
 import gc
 import time
+from collections.abc import Mapping
 from contextlib import ExitStack
 from datetime import UTC, datetime
 from typing import Any
@@ -63,10 +64,14 @@ class Service:
         run: run id.
         data: link for what is published.
         control: link for commands and the lease.
+        meta: what people tell of the run.
     """
 
-    def __init__(self, rig: Rig, backend: Backend, run: str, data: Link, control: Link) -> None:
+    def __init__(
+        self, rig: Rig, backend: Backend, run: str, data: Link, control: Link, meta: Mapping[str, str]
+    ) -> None:
         self._rig = rig
+        self._meta = meta
         self._backend = backend
         self._data = data
         self._control = control
@@ -133,7 +138,7 @@ class Service:
         acquisition.begin()
         assert acquisition.start_time is not None
         emulated = self._backend.capabilities.emulated
-        description = describe(self._rig, acquisition.run, acquisition.start_time, emulated)
+        description = describe(self._rig, acquisition.run, acquisition.start_time, emulated, self._meta)
         self._description = description.SerializeToString(deterministic=True)
         print("ready", flush=True)
 
@@ -191,7 +196,13 @@ class Service:
         self._status_due = max(self._status_due + STATUS_PERIOD, now)
 
 
-def acquire(rig: Rig, run: str = "", wait_for: tuple[str, ...] = (), duration: float | None = None) -> None:
+def acquire(
+    rig: Rig,
+    run: str = "",
+    wait_for: tuple[str, ...] = (),
+    duration: float | None = None,
+    meta: Mapping[str, str] | None = None,
+) -> None:
     """Acquire a run of a rig and return after its orderly end.
 
     Args:
@@ -199,6 +210,7 @@ def acquire(rig: Rig, run: str = "", wait_for: tuple[str, ...] = (), duration: f
         run: run id; empty to make one.
         wait_for: processes that must be there before sample 0.
         duration: s after which the run ends by itself.
+        meta: what people tell of the run: operator, specimen, purpose, ...
 
     Raises:
         AlreadyRunning: another process acquires this rig.
@@ -214,7 +226,7 @@ def acquire(rig: Rig, run: str = "", wait_for: tuple[str, ...] = (), duration: f
         stack.enter_context(claim(rig.name, _record(rig, backend)))
         data = stack.enter_context(Link(listen=[link.endpoint("daq")]))
         control = stack.enter_context(Link(listen=[link.endpoint("control")], lease_ms=CONTROL_LEASE_MS))
-        service = Service(rig, backend, run or new_run_id(), data, control)
+        service = Service(rig, backend, run or new_run_id(), data, control, meta or {})
         service.run(wait_for, duration)
 
 

@@ -28,6 +28,7 @@ class CommandSettings(NamedTuple):
     max_ramp_hz_per_s: Annotated[float, Quantity("Hz/s", 1e-3, 1e5, "steepest ramp that may be commanded")]
     default_ramp_hz_per_s: Annotated[float, Quantity("Hz/s", 1e-3, 1e5, "ramp when a command names none")]
     lease: Annotated[float, Quantity("s", 0.05, 60.0, "silence of the operator that stops the rig")] = 0.1
+    allow_overdue: bool = False
 
     @property
     def max_speed(self) -> float:

@@ -1,6 +1,7 @@
 """When sample 0 was by the host's clock, and from there when any other was."""
 
 from collections.abc import Callable
+from datetime import UTC, date, datetime
 from time import monotonic_ns, time_ns
 from typing import NamedTuple
 
@@ -18,6 +19,11 @@ class StartTime(NamedTuple):
     def timestamp(self, sample: int, rate: float) -> float:
         """Return the UTC of a sample in s since 1970."""
         return self.t0_ns * 1e-9 + sample / rate
+
+    @property
+    def day(self) -> date:
+        """UTC day of sample 0."""
+        return datetime.fromtimestamp(self.t0_ns * 1e-9, UTC).date()
 
 
 class SampleClock:

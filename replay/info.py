@@ -10,6 +10,7 @@ import numpy as np
 
 from daq.messages import Series
 from daq.messages_pb2 import Event, Severity
+from daq.notes import notes_of
 from daq.recording import Check, Recording, parts
 from daq.rig import rig_from_text
 
@@ -81,6 +82,8 @@ def info(path: str | Path) -> dict[str, Any]:
             "certificate": _certificate(recording, check),
             "digests": {"file": account.file_digest, "signals": account.signal_digests},
             "versions": dict(description.versions),
+            "meta": dict(description.meta),
+            "notes": [note._asdict() for note in notes_of(recording.path)],
         }
 
 
@@ -101,6 +104,7 @@ def text(facts: dict[str, Any]) -> str:
         f"{'channel':24}{'minimum':>14}{'maximum':>14}",
         *map(_channel_line, facts["channels"]),
         "",
+        *_told_lines(facts),
         *_event_lines(facts),
     ]
     return "\n".join(lines)
@@ -179,6 +183,15 @@ def _gap_lines(facts: dict[str, Any]) -> list[str]:
 def _channel_line(row: dict[str, Any]) -> str:
     low, high = row["minimum"] * row["display_scale"], row["maximum"] * row["display_scale"]
     return f"{row['name']:24}{low:14.6g}{high:14.6g} {row['display_unit']}"
+
+
+def _told_lines(facts: dict[str, Any]) -> list[str]:
+    """Return what people told of the run, then and later."""
+    lines = [f"{key:12} {value}" for key, value in facts["meta"].items()]
+    for note in facts["notes"]:
+        told = "".join(f" {key}={value}" for key, value in note["meta"].items())
+        lines.append(f"note         {note['utc']} {note['who']}: {note['text']}{told}")
+    return [*lines, ""] if lines else []
 
 
 def _event_lines(facts: dict[str, Any]) -> list[str]:

@@ -19,6 +19,7 @@ COMMANDS = (
     "rigtwin.simulate_command",
     "rigtwin.replay_command",
     "rigtwin.recording_commands",
+    "rigtwin.note_command",
     "rigtwin.verify_command",
     "rigtwin.limits_command",
     "rigtwin.export_command",

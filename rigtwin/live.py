@@ -36,6 +36,7 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         "--record", type=Path, metavar="PATH", help="recording to write (default: recordings/...)"
     )
     where.add_argument("--no-record", action="store_true", help="keep no recording")
+    add_meta_option(parser)
     add_view_option(parser)
     parser.set_defaults(run=run)
 
@@ -52,6 +53,17 @@ def add_rig_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="TABLE.KEY=VALUE",
         help="change the rig description for this run, e.g. emulator.actual.rotor.unbalance_angle=2.1",
+    )
+
+
+def add_meta_option(parser: argparse.ArgumentParser) -> None:
+    """Add the option that tells of the run."""
+    parser.add_argument(
+        "--meta",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="goes into the recording, as operator=anna; usual are specimen, purpose, mounted_masses",
     )
 
 
@@ -75,12 +87,14 @@ def rig_of(options: argparse.Namespace) -> "Rig":
 
 def run(options: argparse.Namespace) -> int:
     """Run the rig; return 0 when all went as planned, 1 when the plan was cut short or something failed."""
+    from daq.metadata import metadata_of
     from daq.ports import with_free_ports
     from daq.runtime import refuse_second
     from rigtwin.supervisor import StopRequest
 
     rig = rig_of(options)
     plan = plan_of(options, rig)
+    metadata_of(options.meta)
     refuse_second(rig.name)
     rig = with_free_ports(rig)
     path = None if options.no_record else new_recording(options.record, rig.name)
@@ -135,7 +149,8 @@ def start(
     if rig.twin.model != "none":
         supervisor.add("twin", ["twin", "observe", "--rig", toml])
         waits.append("twin")
-    supervisor.add("daq", ["daq", "acquire", "--rig", toml, "--wait-for", ",".join(waits)])
+    meta = [f"--meta={setting}" for setting in options.meta]
+    supervisor.add("daq", ["daq", "acquire", "--rig", toml, "--wait-for", ",".join(waits), *meta])
     operator = ["daq", "operate", "--rig", toml]
     planned = ["--plan", options.plan or rig.plan] if plan else []
     supervisor.add("operator", [*operator, *planned], again=lambda: operator)  # nothing moves by itself

@@ -1,4 +1,4 @@
-"""`rigtwin rig ...`: list, show, check and begin rig descriptions."""
+"""`rigtwin rig ...`: list, show, check and begin rig descriptions; scale recordings anew."""
 
 import argparse
 import json
@@ -13,7 +13,7 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     """Add `rig` to the command line."""
     parser = commands.add_parser(
         "rig",
-        help="rig descriptions: list, show, check, init",
+        help="rig descriptions: list, show, check, init, recalibrate",
         description="A rig is described by one TOML file. Copy a shipped one with `rigtwin rig init`.",
     )
     verbs = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
@@ -33,6 +33,13 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         "--from", dest="source", default="thesis-ball", metavar="NAME", help="default: thesis-ball"
     )
     init.set_defaults(run=run_init)
+    anew = verbs.add_parser("recalibrate", help="scale a recording anew with other calibrations")
+    anew.add_argument("file", type=Path, metavar="FILE", help="recording; it is not changed")
+    anew.add_argument(
+        "--rig", required=True, metavar="NEW.toml", help="description whose channels have the new calibration"
+    )
+    anew.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help="recording to write")
+    anew.set_defaults(run=run_recalibrate)
 
 
 def _add_rig(parser: argparse.ArgumentParser) -> None:
@@ -128,4 +135,17 @@ def run_init(options: argparse.Namespace) -> int:
     except OSError as error:
         raise RigError(f"{path} cannot be written: {error.strerror}") from None
     print(f"{path} is a copy of {source.stem}; edit it, then: rigtwin rig check {path}")
+    return 0
+
+
+def run_recalibrate(options: argparse.Namespace) -> int:
+    """Scale a recording anew and say what came of it."""
+    from daq.rig import load_rig
+    from replay.info import brief
+    from replay.recalibrate import recalibrate
+    from rigtwin.progress import progress
+
+    with progress(options.file) as advance:
+        recalibrate(options.file, load_rig(options.rig), options.output, advance)
+    print(brief(options.output))
     return 0

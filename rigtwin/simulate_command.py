@@ -2,11 +2,11 @@
 
 import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rigtwin.live import add_rig_options, rig_of
+from rigtwin.live import add_meta_option, add_rig_options, rig_of
 
 if TYPE_CHECKING:
     from daq.offline import Outcome
@@ -25,6 +25,7 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser.add_argument("plan", metavar="PLAN", help="shipped name or TOML file; see `rigtwin plan list`")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="recording to write")
     parser.add_argument("--no-twin", action="store_true", help="acquire only")
+    add_meta_option(parser)
     add_rig_options(parser)
     parser.set_defaults(run=run)
 
@@ -34,6 +35,7 @@ def run(options: argparse.Namespace) -> int:
     from rich.console import Console
     from rich.progress import Progress
 
+    from daq.metadata import metadata_of
     from daq.plan import load_plan
     from replay.info import brief
 
@@ -48,6 +50,7 @@ def run(options: argparse.Namespace) -> int:
             plan,
             options.output,
             twin=not options.no_twin,
+            meta=metadata_of(options.meta),
             progress=lambda sample: bar.update(task, completed=sample),
         )
     seconds = outcome.samples / rig.acquisition.rate
@@ -64,6 +67,7 @@ def simulate(
     path: str | Path,
     *,
     twin: bool = True,
+    meta: Mapping[str, str] | None = None,
     progress: Callable[[int], object] = lambda sample: None,
 ) -> "Outcome":
     """Perform a plan on the emulated rig and record it with the twin's estimates.
@@ -73,6 +77,7 @@ def simulate(
         plan: from `load_plan`.
         path: recording to write; an existing file is refused.
         twin: whether the twin runs beside it.
+        meta: what people tell of the run.
         progress: called with the sample index after each read.
 
     Returns:
@@ -93,7 +98,7 @@ def simulate(
     run_id = f"{rig.name}-simulated-{start.t0_ns}"
     observer = Twin(rig, run_id, start.t0_ns) if twin and rig.twin.model != "none" else None
     block = keys.block(rig.name)
-    with RecordingWriter(path, describe(rig, run_id, start, emulated=True)) as writer:
+    with RecordingWriter(path, describe(rig, run_id, start, emulated=True, meta=meta)) as writer:
 
         def record(key: str, payload: bytes) -> None:
             writer.add(key, payload)

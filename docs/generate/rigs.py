@@ -44,7 +44,7 @@ CHANNEL = {
     "stuck": "an analogue sensor always has some noise;",
     "certificate": "of the calibration",
     "calibrated": "day of the calibration",
-    "due": "day on which the next calibration is due; a warning when it has passed",
+    "due": "last day of the calibration; after it a warning, and no arming without `allow_overdue`",
 }
 
 TABLES: tuple[tuple[type, str, dict[str, str]], ...] = (
@@ -91,7 +91,11 @@ TABLES: tuple[tuple[type, str, dict[str, str]], ...] = (
     (limits.ForceLimit, "`[limits.force]`", REASON),
     (limits.SpeedLimit, "`[limits.speed]`", REASON),
     (limits.SpeedRateLimit, "`[limits.speed_rate]`", REASON),
-    (settings.CommandSettings, "`[command]`", {}),
+    (
+        settings.CommandSettings,
+        "`[command]`",
+        {"allow_overdue": "whether the rig may be armed although a channel's calibration is overdue"},
+    ),
     (settings.SafeStateSettings, "`[safe_state]`", {}),
     (
         settings.TwinSettings,

@@ -16,7 +16,7 @@ from daq.messages import BlockStatus, decode_series
 from daq.messages_pb2 import ALARM, Answer, ChannelSummary, Command, Event, Summary
 from daq.offline import perform
 from daq.plan import load_plan, plan_from_text
-from daq.rig import load_rig
+from daq.rig import load_rig, rig_from_text
 from simulator.state import TRUTH
 
 RIG = load_rig("thesis-ball")
@@ -496,3 +496,27 @@ def test_answers_are_forgotten_when_many_newer_ones_were_given():
     assert answers.get("0") is None
     assert answers.get("") is None
     assert [answers.get(str(number)).text for number in (1, KEPT)] == ["1", str(KEPT)]
+
+
+def with_due(day, *settings):
+    text = load_rig("thesis-ball", settings).toml.replace('"proximity_x"', f'"proximity_x"\ndue = {day}', 1)
+    return rig_from_text(text)
+
+
+@pytest.mark.parametrize(("day", "overdue"), [("2027-01-15", False), ("2027-01-14", True)])
+def test_an_overdue_calibration_warns_and_blocks_arming(day, overdue):
+    site = Bench(with_due(day)).begin()  # sample 0 is on 2027-01-15
+    answer = site.ask("arm")
+    assert answer.accepted != overdue
+    assert (answer.text == "armed") != overdue
+    if overdue:
+        assert answer.text.startswith("the calibration of proximity_x is overdue: have it renewed, or set")
+        assert site.sink.event("warning").text == f"channel proximity_x: its calibration was due on {day}"
+
+
+def test_an_overdue_calibration_is_overridden_by_a_setting_that_the_recording_tells():
+    rig = with_due("2020-01-01", "command.allow_overdue=true")
+    site = Bench(rig).begin()
+    assert site.ask("arm").accepted
+    assert "allow_overdue = true" in rig.toml
+    assert site.sink.kinds() == ["start", "warning", "arm"]
