@@ -38,7 +38,9 @@ def notes_of(recording: str | Path) -> list[Note]:
     if not path.exists():
         return []
     rows = toml_source.parse(toml_source.read(path), str(path)).get("note", [])
-    return [Note(*(str(row.get(key, "")) for key in TEXTS), dict(row.get("meta", {}))) for row in rows]
+    return [
+        Note(**{key: str(row.get(key, "")) for key in TEXTS}, meta=dict(row.get("meta", {}))) for row in rows
+    ]
 
 
 def add_note(recording: str | Path, who: str, text: str, meta: Mapping[str, str]) -> Path:
