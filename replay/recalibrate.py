@@ -16,7 +16,7 @@ from daq.recording import RecordingError, RecordingWriter
 from daq.rig import Rig, RigError, rig_from_text
 from daq.stream import Stream
 from daq.timing import StartTime
-from replay.history import RecordedRun
+from replay.history import RepeatableRun
 from replay.rerun import Progress, rig_of, without_twin
 
 CALIBRATION = ("sensitivity", "offset", "certificate", "calibrated", "due", "delay_s")
@@ -45,7 +45,7 @@ def recalibrate(
         RecordingError: the source cannot be read or the target cannot be written.
         RigError: the descriptions do not fit each other.
     """
-    with RecordedRun(source) as run:
+    with RepeatableRun(source) as run:
         old = rig_of(run)
         run.check()
         scaled = with_calibration(old, new.channels)

@@ -15,7 +15,7 @@ from daq.messages import Samples
 from daq.protection import Trip, Warned, check, initial_state, reset, shown
 from daq.recording import RecordingError
 from daq.rig import Rig, RigError, rig_from_text, with_overrides
-from replay.history import RecordedRun
+from replay.history import RepeatableRun
 from replay.rerun import Progress, rig_of
 
 
@@ -54,12 +54,12 @@ def retrip(
         RecordingError: the recording cannot be read, or its blocks are not those of its rig.
         RigError: the limits are not valid for the rig.
     """
-    with RecordedRun(path) as run:
+    with RepeatableRun(path) as run:
         rig = rig_of(run)
         other = with_overrides(with_limits(rig, limits) if limits else rig, settings)
         run.check()
         watches = [Watch(guard_of(rig)), Watch(guard_of(other))]
-        for block in run.series("block"):
+        for block in run.decoded("block"):
             if block.names != rig.channels.names:
                 raise RecordingError(f"{run.path}: the blocks' channels are not those of its rig description")
             for watch in watches:
