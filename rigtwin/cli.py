@@ -24,6 +24,7 @@ COMMANDS = (
     "rigtwin.limits_command",
     "rigtwin.export_command",
     "rigtwin.import_command",
+    "rigtwin.predict_command",
     "rigtwin.doctor",
 )
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 END_WAIT = 60.0  # s that an orderly end may take
 TIMEOUT = 2.0  # s for an answer
+DURATION = 0.010  # s of a hit
 UNLEASED = ("stop", "trip", "mark")  # whoever may command may stop
 
 
@@ -38,8 +39,14 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     speed.add_argument("--ramp", type=float, dest="ramp_hz_per_s", metavar="HZ/S", help="default: the rig's")
     hit = names.add_parser("hit", help="hit the shaft with a solenoid")
     hit.add_argument("--solenoid", default="", help="default: the rig's first")
-    hit.add_argument("--force", type=float, required=True, metavar="N", help="peak of the half sine")
-    hit.add_argument("--duration", type=float, default=0.010, metavar="S", help="default: 0.010")
+    how = hit.add_mutually_exclusive_group(required=True)
+    how.add_argument("--force", type=float, metavar="N", help="peak of the half sine")
+    how.add_argument(
+        "--advised",
+        action="store_true",
+        help="search for the hit that frees the rotor from impacts, and do it; exit code 1: no hit helps",
+    )
+    hit.add_argument("--duration", type=float, metavar="S", help="default: 0.010")
     hit.add_argument(
         "--angle", type=float, metavar="DEG", help="shaft angle at which it begins; default: now"
     )
@@ -64,13 +71,36 @@ def run(options: argparse.Namespace) -> int:
     replay_control.refuse_other_mode(record, options.name)
     rig = rig_from_text(record["toml"])
     if options.name in replay_control.NAMES:
-        answer = replay_control.send(rig, options.name, replay_control.values_of(options))
-    else:
-        answer = send(rig, options.name, *arguments_of(options, rig))
-    if options.json:
+        return report(
+            replay_control.send(rig, options.name, replay_control.values_of(options)), options.json
+        )
+    if options.name == "hit" and options.advised:
+        return run_advised(options, rig)
+    return report(send(rig, options.name, *arguments_of(options, rig)), options.json)
+
+
+def run_advised(options: argparse.Namespace, rig: "Rig") -> int:
+    """Search for the hit that frees the rotor and send it; return 1 when there is none."""
+    from daq.commands import CommandError
+    from daq.messages_pb2 import Answer
+    from rigtwin.advised_hit import arguments, search
+
+    if options.solenoid or options.angle is not None or options.duration is not None:
+        raise CommandError("--advised chooses the whole hit: leave --solenoid, --duration and --angle out")
+    advice, said, sample = search(rig)
+    if advice.hit is None:
+        return report(Answer(text=said, sample=sample), options.json, "no hit")
+    if not options.json:
+        print(said)
+    return report(send(rig, "hit", *arguments(advice.hit)), options.json)
+
+
+def report(answer: "Answer", as_json: bool, refusal: str = "refused") -> int:
+    """Print an answer; return 1 when it is no."""
+    if as_json:
         print(json.dumps({"accepted": answer.accepted, "text": answer.text, "sample": answer.sample}))
     else:
-        print(answer.text if answer.accepted else f"refused: {answer.text}")
+        print(answer.text if answer.accepted else f"{refusal}: {answer.text}")
     return 0 if answer.accepted else 1
 
 
@@ -80,6 +110,7 @@ def arguments_of(options: argparse.Namespace, rig: "Rig") -> tuple[dict[str, flo
     values = {name: value for name in names if (value := getattr(options, name, None)) is not None}
     texts = {"text": options.text} if options.name == "mark" else {}
     if options.name == "hit":
+        values.setdefault("duration", DURATION)
         if options.angle is not None:
             values["angle"] = radians(options.angle % 360.0)
         texts["solenoid"] = options.solenoid or next(iter(rig.solenoid_names), "")

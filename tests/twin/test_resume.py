@@ -1,0 +1,88 @@
+"""The model and state of an estimate: the simulator goes on from them as the emulated rig does."""
+
+from math import tau
+
+import numpy as np
+import pytest
+
+from daq.rig import load_rig
+from simulator.equilibrium import static_state
+from simulator.simulation import Simulation, signals_for
+from simulator.state import STATE
+from twin.ensemble import DOUBTS, drawn
+from twin.resume import resume
+
+RIG = load_rig("thesis-ball", ['drive.mode="ideal"'])
+
+
+def values_of(simulation):
+    """Return the state as a perfect estimate would have it."""
+    values = dict(zip(STATE[:11], simulation.state[:11].tolist(), strict=True))
+    rotor = simulation.model.rotor
+    weight = rotor.mass * rotor.gravity * rotor.centre_of_mass_station
+    return values | {
+        "unbalance_x": rotor.unbalance * np.cos(rotor.unbalance_angle),
+        "unbalance_y": rotor.unbalance * np.sin(rotor.unbalance_angle),
+        "moment_y": rotor.coupling_station * rotor.coupling_force - weight,
+        "friction": simulation.model.backup_bearing.friction,
+    }
+
+
+@pytest.fixture(scope="module")
+def running():
+    """An emulated rig that is not as described, in impacts."""
+    model = RIG.model
+    true = model._replace(
+        rotor=model.rotor._replace(unbalance=9e-5, unbalance_angle=2.0, coupling_force=-11.0),
+        backup_bearing=model.backup_bearing._replace(friction=0.3),
+    )
+    simulation = Simulation(true)
+    simulation.set_speed(11.0 * tau, 20.0 * tau)
+    simulation.advance(signals_for(25000))
+    return simulation
+
+
+def test_the_simulator_goes_on_as_the_rig_does(running):
+    model, state = resume(RIG.model, values_of(running))
+    copy = Simulation(model, state=state)
+    own, other = signals_for(2500), signals_for(2500)
+    copy.advance(own)
+    running.advance(other)
+    assert other[13].any()
+    # Unbalance and moment go through cosines and sums: the last bits differ, and impacts amplify that.
+    assert own[:2] == pytest.approx(other[:2], rel=1e-6)
+
+
+def test_what_is_not_estimated_stays_as_described(running):
+    values = values_of(running)
+    for row in ("unbalance_x", "unbalance_y", "moment_y", "friction"):
+        del values[row]
+    assert resume(RIG.model, values).model == RIG.model
+
+
+def test_the_static_moment_moves_the_rotor_at_rest(running):
+    model, _ = resume(RIG.model, values_of(running))
+    assert static_state(model) == pytest.approx(static_state(running.model), rel=1e-12)
+
+
+def test_without_a_row_of_the_state_there_is_nothing_to_go_on_from(running):
+    values = values_of(running)
+    del values["ring_speed"]
+    with pytest.raises(KeyError, match="ring_speed"):
+        resume(RIG.model, values)
+
+
+def test_draws_have_the_estimates_spread_and_the_descriptions_doubt(running):
+    values = values_of(running) | {"sigma_tilt_x": 1e-5, "sigma_friction": 0.02, "clearance": 1.4e-3}
+    rigs = drawn(RIG.model, values, 2000, seed=5)
+    assert rigs[0].state == pytest.approx(resume(RIG.model, values).state)
+    tilts = np.array([each.state[0] for each in rigs])
+    frictions = np.array([each.model.backup_bearing.friction for each in rigs])
+    stiffnesses = np.array([each.model.backup_bearing.stiffness for each in rigs])
+    # A standard deviation of 2000 draws is within 5 % (three of its own deviations).
+    assert tilts.std() == pytest.approx(1e-5, rel=0.05)
+    assert frictions.std() == pytest.approx(0.02, rel=0.05)
+    assert stiffnesses.std() == pytest.approx(DOUBTS["contact_stiffness"] * 5e7, rel=0.05)
+    assert {each.model.backup_bearing.clearance for each in rigs} == {1.4e-3}  # estimated without a doubt
+    again = drawn(RIG.model, values, 2000, seed=5)
+    assert [each.model for each in again] == [each.model for each in rigs]

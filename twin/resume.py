@@ -1,0 +1,67 @@
+"""Where the simulator goes on from an estimate: the model with what the twin has found, and its state."""
+
+from collections.abc import Mapping
+from math import atan2, hypot
+from typing import NamedTuple
+
+import numpy as np
+
+from daq.messages import Series
+from simulator.rig import Model, Rotor
+from simulator.state import STATE
+
+PARAMETERS = {
+    "magnet_stiffness": ("magnetic_bearing", "stiffness"),
+    "magnet_damping": ("magnetic_bearing", "damping"),
+    "clearance": ("backup_bearing", "clearance"),
+    "contact_stiffness": ("backup_bearing", "stiffness"),
+    "contact_damping": ("backup_bearing", "damping_factor"),
+    "friction": ("backup_bearing", "friction"),
+}
+"""Rows of an estimate that stand for a number of the model, by table and key."""
+
+
+class Resumed(NamedTuple):
+    """What `simulator.simulation.Simulation` needs to go on from an estimate."""
+
+    model: Model
+    state: np.ndarray  # (12,) in the order of `simulator.state.STATE`; the controller's integral is 0
+
+
+def values_at(estimate: Series, column: int = -1) -> dict[str, float]:
+    """Return one column of an estimate, by default its last: value by name of the row."""
+    values = estimate.samples[:, column].astype(np.float64).tolist()
+    return dict(zip(estimate.names, values, strict=True))
+
+
+def resume(model: Model, values: Mapping[str, float]) -> Resumed:
+    """Return the model and the state that an estimate amounts to.
+
+    Args:
+        model: as the rig's description has it; what the estimate does not say stays so.
+        values: one column of an estimate by row name, SI units: tilt and its rate, house, ring, angle and
+            speed, and as far as they are estimated unbalance, static moment and `PARAMETERS`.
+
+    Raises:
+        KeyError: the estimate lacks a row of the state.
+    """
+    for row, (table, field) in PARAMETERS.items():
+        if row in values:
+            changed = getattr(model, table)._replace(**{field: values[row]})
+            model = model._replace(**{table: changed})
+    state = np.array([0.0 if name == "speed_error_integral" else values[name] for name in STATE])
+    return Resumed(model._replace(rotor=loaded(model.rotor, values)), state)
+
+
+def loaded(rotor: Rotor, values: Mapping[str, float]) -> Rotor:
+    """Return the rotor with the estimated unbalance and static moment; the coupling's force takes the moment.
+
+    What acts along x, and all of it where the coupling has no lever, cannot be put into a model.
+    """
+    if "unbalance_x" in values:
+        x, y = values["unbalance_x"], values["unbalance_y"]
+        rotor = rotor._replace(unbalance=hypot(x, y), unbalance_angle=atan2(y, x))
+    if "moment_y" in values and rotor.coupling_station != 0.0:
+        weight = rotor.mass * rotor.gravity * rotor.centre_of_mass_station
+        rotor = rotor._replace(coupling_force=(values["moment_y"] + weight) / rotor.coupling_station)
+    return rotor
