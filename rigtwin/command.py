@@ -71,9 +71,7 @@ def run(options: argparse.Namespace) -> int:
     replay_control.refuse_other_mode(record, options.name)
     rig = rig_from_text(record["toml"])
     if options.name in replay_control.NAMES:
-        return report(
-            replay_control.send(rig, options.name, replay_control.values_of(options)), options.json
-        )
+        return report(replay_control.send(rig, options.name, replay_control.values_of(options)), options.json)
     if options.name == "hit" and options.advised:
         return run_advised(options, rig)
     return report(send(rig, options.name, *arguments_of(options, rig)), options.json)
