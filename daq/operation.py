@@ -10,10 +10,13 @@ from typing import NamedTuple
 from daq.events import EventCounter
 from daq.link import LinkError, NoAnswer
 from daq.messages_pb2 import INFO, WARNING, Answer, Command, Event, Severity, Status, Summary
-from daq.plan import Action, Plan, PlanRunner
+from daq.plan import Plan, PlanError, plan_from_text
+from daq.plan_runner import Action, PlanRunner
 from daq.rig import Rig
 
-MOTION = ("arm", "speed", "hit", "reset")
+PLANNING = ("plan", "resume")
+"""Commands that the operator itself obeys: perform a plan given as TOML, go on with one that was cut."""
+MOTION = ("arm", "speed", "hit", "reset", *PLANNING)
 """Commands that a running plan keeps for itself; stop, trip and mark are always passed on."""
 DISARMING = ("trip", "lease_lost", "stop", "end")
 """Kinds of the daq's events after which nobody holds the lease."""
@@ -51,6 +54,7 @@ class Operation:
         self._plan = plan  # to be performed or being performed
         self._runner: PlanRunner | None = None
         self._step = 0
+        self._left: Plan | None = None  # what is left of the plan that was cut short
         self._ask = ask
         self._publish = publish
         self._events = EventCounter("operator")
@@ -77,6 +81,7 @@ class Operation:
         if self._plan and not self._runner:
             self._start_plan(self._plan)
         if self._runner:
+            self._runner.watch(summary)
             self._perform(self._runner, sample)
 
     def heed(self, event: Event) -> None:
@@ -94,6 +99,8 @@ class Operation:
             text = f"plan {self._plan.name} is running: only stop, trip and mark until it is over"
             self._emit("refused", f"{command.name} refused to {command.who or 'someone'}: {text}", WARNING)
             return Answer(accepted=False, text=text, sample=self._clock.sample if self._clock else 0)
+        if command.name in PLANNING:
+            return self._take_plan(command)
         command.lease = self.lease
         try:
             answer = self._ask(command)
@@ -106,6 +113,25 @@ class Operation:
             self._end_plan(f"{command.name} by {command.who}")
         answer.lease = ""
         return answer
+
+    def _take_plan(self, command: Command) -> Answer:
+        """Accept a plan, or the rest of the one that was cut short; it begins with the next block."""
+        if self._clock is None:
+            return Answer(text="the run has not started yet")
+        if self.lease:
+            return Answer(text="the rig is armed by hand: stop it first", sample=self._clock.sample)
+        try:
+            plan = (
+                self._left if command.name == "resume" else plan_from_text(command.texts["toml"], self._rig)
+            )
+        except PlanError as error:
+            return Answer(text=str(error), sample=self._clock.sample)
+        if plan is None:
+            return Answer(text="no plan was cut short: there is nothing to resume", sample=self._clock.sample)
+        self._plan, self._first_sample = plan, self._clock.sample
+        text = f"plan {plan.name}: {len(plan.steps)} steps, about {plan.expected_duration(self._rig):.0f} s"
+        self._emit(command.name, f"{command.who}: {text}", details={"who": command.who})
+        return Answer(accepted=True, text=text, sample=self._clock.sample)
 
     def end(self, reason: str) -> None:
         """Bring the rotor to rest and give the lease back."""
@@ -161,7 +187,7 @@ class Operation:
                 self._end_plan(f"{action.text}: {refusal}")
                 return
         if runner.finished:
-            self._end_plan("")
+            self._end_plan(runner.aborted or "")
 
     def _refusal(self, action: Action) -> str:
         """Send a step's command; return why it was refused, or nothing."""
@@ -178,9 +204,11 @@ class Operation:
 
     def _end_plan(self, reason: str) -> None:
         """End the plan, completed or for a reason; stop the rotor if the lease is still held."""
-        plan, self._plan, self._runner = self._plan, None, None
+        plan, self._plan, runner, self._runner = self._plan, None, self._runner, None
         if not plan:
             return
+        if runner:
+            self._left = plan.rest_from(self._step) if reason else None
         if self.lease:
             self._stop(f"plan {plan.name}")
         details = {"plan": plan.name, "completed": "no" if reason else "yes", "steps_begun": self._step}

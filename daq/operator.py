@@ -19,7 +19,7 @@ from daq import keys
 from daq.commands import TAKES
 from daq.link import Link, NoAnswer, NoAnswerInTime, Publisher, Request
 from daq.messages_pb2 import Answer, Command, Event, Summary
-from daq.operation import Operation
+from daq.operation import PLANNING, Operation
 from daq.parent import follow_parent
 from daq.plan import Plan, load_plan
 from daq.ports import as_it_runs
@@ -100,7 +100,7 @@ def _run(rig: Rig, plan: Plan | None, data: Link, control: Link) -> None:
     operation = Operation(rig, plan, partial(_ask, control, rig.name), events.put)
     data.subscribe(keys.summary(rig.name), _teller(news, Summary.FromString, operation.advance))
     data.subscribe(keys.event(rig.name, "daq"), _teller(news, Event.FromString, operation.heed))
-    for name in TAKES:
+    for name in (*TAKES, *PLANNING):
         data.serve(keys.operator_command(rig.name, name), _server(news, operation, name))
     follow_parent(news.end)
     for each in (data, control):

@@ -1,8 +1,9 @@
-"""`rigtwin plan ...`: list, show and check test plans."""
+"""`rigtwin plan ...`: list, show, check and perform test plans."""
 
 import argparse
 import json
 from contextlib import suppress
+from math import tau
 from typing import TYPE_CHECKING, NamedTuple
 
 from rigtwin.live import add_rig_options, rig_of
@@ -26,7 +27,7 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     """Add `plan` to the command line."""
     parser = commands.add_parser(
         "plan",
-        help="repeatable tests: list, show, check",
+        help="repeatable tests: list, show, check, run, resume",
         description="A plan says what a rig shall do, step by step, in one TOML file.",
     )
     verbs = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
@@ -41,6 +42,12 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         add_rig_options(verb)
         verb.add_argument("--json", action="store_true", help="print JSON")
         verb.set_defaults(run=run)
+    perform = verbs.add_parser("run", help="perform a plan on the running rig")
+    perform.add_argument("plan", metavar="NAME|PATH", help="shipped name or TOML file")
+    resume = verbs.add_parser("resume", help="go on with the plan that was cut short, from its last step on")
+    for verb, order in ((perform, run_run), (resume, run_resume)):
+        verb.add_argument("--rig", metavar="NAME", help="which rig, where several run")
+        verb.set_defaults(run=order)
 
 
 def run_list(options: argparse.Namespace) -> int:
@@ -71,14 +78,16 @@ def _facts(plan: "Plan", rig: "Rig") -> dict[str, object]:
 
 def run_show(options: argparse.Namespace) -> int:
     """Print each step with the time at which it begins."""
-    from daq.plan import PlanRunner, load_plan, sentence
+    from daq.plan import load_plan
+    from daq.plan_steps import lasting, sentence, speed_after
 
     rig = rig_of(options)
     plan = load_plan(options.plan, rig)
-    runner, now, rows = PlanRunner(plan, rig), 0.0, []
+    now, speed_hz, rows = 0.0, 0.0, []
     for step in plan.steps:
         rows.append({"begins": now, "does": sentence(step)})
-        now += runner.take(step)
+        now += lasting(step, speed_hz, rig)
+        speed_hz = speed_after(step, speed_hz)
     if options.json:
         print(json.dumps(_facts(plan, rig) | {"steps": rows}))
         return 0
@@ -91,6 +100,7 @@ def run_show(options: argparse.Namespace) -> int:
 
 def run_check(options: argparse.Namespace) -> int:
     """Check a plan, and perform it on the model; return 1 when it is refused or trips the limits."""
+    from daq.limits import NO_LIMIT
     from daq.plan import PlanError, load_plan
     from daq.toml_source import find
 
@@ -103,12 +113,43 @@ def run_check(options: argparse.Namespace) -> int:
         return 1
     peaks = perform_on_model(rig, plan) if rig.model else None
     if options.json:
-        facts = {"valid": True, **_facts(plan, rig), "model": peaks._asdict() if peaks else None}
+        trips = {name: limit.trip for name, limit in rig.limits._asdict().items() if limit != NO_LIMIT}
+        model = peaks._asdict() if peaks else None
+        facts = {"valid": True, **_facts(plan, rig), "model": model, "trips": trips}
         print(json.dumps(facts))
     else:
         print(f"{plan.name} is valid on {rig.name}: about {plan.expected_duration(rig):.1f} s")
         print(_said(peaks, rig))
     return 1 if peaks and peaks.aborted else 0
+
+
+def run_run(options: argparse.Namespace) -> int:
+    """Give a plan to the operator of the running rig; return 1 when it is refused."""
+    from daq import toml_source
+    from daq.plan import load_plan
+    from daq.rig import rig_from_text
+    from daq.runtime import running
+
+    rig = rig_from_text(running(options.rig)["toml"])
+    load_plan(options.plan, rig)
+    return order(rig, "plan", {"toml": toml_source.read(toml_source.find(options.plan, "plan"))})
+
+
+def run_resume(options: argparse.Namespace) -> int:
+    """Let the operator of the running rig go on with its plan; return 1 when it is refused."""
+    from daq.rig import rig_from_text
+    from daq.runtime import running
+
+    return order(rig_from_text(running(options.rig)["toml"]), "resume", {})
+
+
+def order(rig: "Rig", name: str, texts: dict[str, str]) -> int:
+    """Send an order that concerns plans and say what the operator answers."""
+    from rigtwin.command import send
+
+    answer = send(rig, name, {}, texts)
+    print(answer.text if answer.accepted else f"refused: {answer.text}")
+    return 0 if answer.accepted else 1
 
 
 def perform_on_model(rig: "Rig", plan: "Plan") -> Peaks:
@@ -149,7 +190,8 @@ def _said(peaks: Peaks | None, rig: "Rig") -> str:
     limits = rig.limits
     reached = (
         f"on the model it reaches {1e6 * peaks.radius:.0f} µm of {1e6 * limits.displacement.trip:.0f} µm, "
-        f"{peaks.force:.0f} N of {limits.force.trip:.0f} N, {peaks.speed_hz:.1f} Hz"
+        f"{peaks.force:.0f} N of {limits.force.trip:.0f} N, "
+        f"{peaks.speed_hz:.1f} Hz of {limits.speed.trip / tau:.1f} Hz"
     )
     return (
         f"{reached}; it does not complete: {peaks.aborted}" if peaks.aborted else f"{reached}; no limit trips"

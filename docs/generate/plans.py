@@ -2,13 +2,15 @@
 
 from contextlib import suppress
 
-from daq.plan import STEPS, Plan, PlanError, PlanHead, load_plan, shipped_plans
+from daq.plan import Plan, PlanError, PlanHead, load_plan, shipped_plans
+from daq.plan_steps import STEPS, Abort
 from daq.rig import Rig, load_rig, shipped_rigs
 from docs.generate.fields import section
 from docs.generate.markdown import table
 
 MEANINGS = {
     "solenoid": "name of one of the rig's",
+    "quantity": "radius of the shaft's centre, resultant force, or speed",
     "note": "for people: shown and recorded with the step",
 }
 
@@ -24,7 +26,8 @@ def tables() -> str:
         )
         for name, kind in STEPS.items()
     ]
-    return "\n\n".join([head, *steps])
+    abort = section(Abort, "`[[abort]]`", {"quantity": "what is watched"})
+    return "\n\n".join([head, *steps, abort])
 
 
 def shipped() -> str:

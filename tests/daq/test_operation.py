@@ -340,3 +340,112 @@ def test_end_of_the_run_ends_the_plan(bench, spin):
     rig.daq.end()
     rig.deliver()
     assert rig.last.details["reason"].startswith("run ended after 0.30 s")
+
+
+def test_a_plan_is_given_to_an_operator_that_has_none(bench):
+    rig = bench()
+    rig.run(0.1)
+    answer = rig.command("plan", texts={"toml": SPIN})
+    assert answer.accepted
+    assert answer.text == "plan spin: 5 steps, about 1 s"
+    rig.run(1.0)
+    assert rig.kinds() == ["plan", "plan_start", *["step"] * 5, "plan_end"]
+    assert rig.last.details["completed"] == "yes"
+    assert rig.command("resume").text == "no plan was cut short: there is nothing to resume"
+
+
+def test_plans_that_cannot_be_performed_are_refused(bench, spin):
+    rig = bench()
+    assert rig.command("plan", texts={"toml": SPIN}).text == "the run has not started yet"
+    rig.run(0.1)
+    too_fast = SPIN.replace("speed_hz = 4.0", "speed_hz = 99.0")
+    assert "speed_hz = 99 is above 25" in rig.command("plan", texts={"toml": too_fast}).text
+    assert rig.command("arm").accepted
+    assert rig.command("plan", texts={"toml": SPIN}).text == "the rig is armed by hand: stop it first"
+    assert rig.operation.state == "armed"
+    busy = bench(spin)
+    busy.run(0.1)
+    assert busy.command("plan", texts={"toml": SPIN}).text.startswith("plan spin is running")
+
+
+def test_a_plan_stops_at_a_trip_and_goes_on_only_when_told(bench, spin):
+    rig = bench(spin)
+    rig.run(0.3)  # 4 Hz are reached after 0.2 s; the wait of step 3 goes on to 0.5 s
+    assert rig.command("trip").accepted
+    rig.run(2.0)
+    assert rig.operation.state == "idle"
+    assert rig.daq.at_rest
+    assert rig.command("resume").accepted
+    rig.run(0.1)
+    assert "arming was refused: the rig is tripped" in rig.last.text
+    assert rig.command("reset").accepted
+    assert rig.command("resume").accepted
+    rig.run(1.5)
+    assert rig.last.details["completed"] == "yes"
+    resumed = [event.text for event in rig.events if event.kind == "step"][3:]
+    assert resumed == [
+        "step 1 of 4: 4 Hz by the default ramp (back to where the plan was)",
+        "step 2 of 4: wait 0.3 s",
+        "step 3 of 4: solenoid horizontal hits with 5 N for 10 ms",
+        "step 4 of 4: wait 0.2 s",
+    ]
+
+
+WATCHED = """
+[plan]
+name = "watched"
+description = "for a test"
+[[step]]
+do = "speed"
+speed_hz = 6.0
+ramp_hz_per_s = 20.0
+[[step]]
+do = "settle"
+quantity = "speed"
+within = 0.05
+hold = 0.2
+timeout = 3.0
+[[step]]
+do = "mark"
+text = "settled"
+[[abort]]
+quantity = "speed"
+above = 8.0
+"""
+
+
+def test_a_step_waits_until_the_speed_has_settled(bench):
+    rig = bench(plan_from_text(WATCHED, RIG))
+    rig.run(3.0)
+    assert rig.last.details["completed"] == "yes"
+    (mark,) = [event for event in rig.daq_events if event.kind == "mark"]
+    (begin,) = [event for event in rig.events if event.kind == "step" and event.details["step"] == "2"]
+    waited = (mark.sample - int(begin.details["due"])) / RIG.acquisition.rate
+    assert 0.2 <= waited <= 1.5  # the controller overshoots a little before it settles
+
+
+def test_what_does_not_settle_cuts_the_plan_short(bench):
+    restless = WATCHED.replace("within = 0.05", "within = 0.0").replace("timeout = 3.0", "timeout = 0.3")
+    rig = bench(plan_from_text(restless, RIG))
+    rig.run(1.5)
+    assert rig.last.details["reason"] == "the speed did not settle within 0 Hz in 0.3 s"
+    assert not rig.daq.commands.armed
+
+
+def test_an_abort_condition_cuts_the_plan_short_before_a_trip(bench):
+    rig = bench(plan_from_text(WATCHED.replace("above = 8.0", "above = 3.0"), RIG))
+    rig.run(1.0)
+    reason = rig.last.details["reason"]
+    assert reason.startswith("abort condition: speed 3.")
+    assert reason.endswith("Hz is above 3 Hz")
+    assert rig.daq.state == "idle"
+    assert rig.daq_events[-1].kind == "stop"
+
+
+def test_a_hit_at_a_shaft_angle_is_the_daqs_to_time(bench):
+    angled = SPIN.replace("force = 5.0", "force = 5.0\nangle_deg = 90.0")
+    rig = bench(plan_from_text(angled, RIG))
+    rig.run(1.2)
+    (hit,) = [event for event in rig.daq_events if event.kind == "hit"]
+    assert float(hit.details["angle"]) == pytest.approx(1.5707963)
+    assert rig.last.details["completed"] == "yes"

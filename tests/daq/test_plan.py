@@ -3,7 +3,8 @@
 
 import pytest
 
-from daq.plan import PlanError, PlanRunner, load_plan, plan_from_text, shipped_plans
+from daq.plan import PlanError, load_plan, plan_from_text, shipped_plans
+from daq.plan_runner import PlanRunner
 from daq.rig import load_rig, shipped_rigs
 
 HEAD = '[plan]\nname = "short"\ndescription = "for a test"\n'
@@ -151,7 +152,7 @@ def test_a_plan_on_a_turning_rig_ramps_from_its_speed(rig):
 
 STEP_ERRORS = {
     'do = "wiat"\nduration = 1.0': r"\[\[step\]\] 1 do = 'wiat' is not a step; did you mean wait\?",
-    "duration = 1.0": r"\[\[step\]\] 1 lacks do: one of wait, speed, hit, mark, stair",
+    "duration = 1.0": r"\[\[step\]\] 1 lacks do: one of wait, speed, hit, mark, settle, stair, repeat",
     "do = 3": r"\[\[step\]\] 1 do = 3 is not a step",
     "do = []": r"\[\[step\]\] 1 do = \[\] is not a step",
     'do = "wait"\ndurations = 1.0': r"\[\[step\]\] 1 durations is not a key of this table; did you mean duration\?",
@@ -219,3 +220,37 @@ def test_hit_within_a_hit_is_refused(rig):
 def test_plan_that_is_not_there(name, message, rig):
     with pytest.raises(PlanError, match=message):
         load_plan(name, rig)
+
+
+def test_rows_are_repeated(rig):
+    text = SHORT + '[[step]]\ndo = "repeat"\nlast = 2\ntimes = 3\n'
+    plan = plan_from_text(text, rig)
+    assert plan.steps[6:] == plan.steps[4:6] * 3
+    once = plan_from_text(SHORT, rig)
+    assert plan.expected_duration(rig) == pytest.approx(once.expected_duration(rig) + 3 * 1.0)
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ('do = "repeat"\nlast = 7\ntimes = 1', "last = 7, but there are only 6 rows before it"),
+        ('do = "repeat"\nlast = 6\ntimes = 10000000', r"times = 1e\+07"),
+        ('do = "repeat"\nlast = 1000\ntimes = 10', "only 6 rows"),
+        ('do = "settle"\nquantity = "warmth"\nwithin = 1.0\nhold = 1.0\ntimeout = 1.0', "quantity"),
+        (
+            'do = "hit"\nsolenoid = "horizontal"\nforce = 1.0\nduration = 0.01\nangle_deg = 361.0',
+            "angle_deg = 361",
+        ),
+    ],
+)
+def test_a_bad_row_is_refused(rig, row, said):
+    with pytest.raises(PlanError, match=said):
+        plan_from_text(f"{SHORT}[[step]]\n{row}\n", rig)
+
+
+def test_what_is_left_of_a_plan_begins_at_the_speed_it_had(rig):
+    plan = plan_from_text(SHORT, rig)
+    assert plan.rest_from(1) == plan
+    left = plan.rest_from(6)
+    assert [type(step).__name__ for step in left.steps] == ["SpeedStep", "WaitStep"]
+    assert left.steps[0].speed_hz == 5.33

@@ -36,3 +36,48 @@ def test_operator_drives_the_rig_from_the_command_line(tmp_path):
     kinds = [event["kind"] for event in found["events"] if event["source"] == "daq"]
     for kind in ("arm", "speed", "hit", "mark", "stop", "trip", "reset", "refused", "end"):
         assert kind in kinds
+
+
+PLAN = """
+[plan]
+name = "short"
+description = "up and wait"
+[[step]]
+do = "speed"
+speed_hz = 4.0
+ramp_hz_per_s = 20.0
+[[step]]
+do = "wait"
+duration = 60.0
+"""
+
+
+def test_a_plan_is_given_to_a_running_rig_cut_short_and_resumed(tmp_path):
+    path, plan = tmp_path / "run.mcap", tmp_path / "short.toml"
+    plan.write_text(PLAN, encoding="utf-8")
+    told = ("--meta", "operator=anna")
+    with Running(
+        "live", *PATIENT, "--plan", "none", "--view", "none", "--record", path, *told, cwd=tmp_path
+    ) as run:
+        run.wait_for("at rest")
+        nothing = rigtwin("plan", "resume", cwd=tmp_path)
+        assert (nothing.returncode, nothing.stdout) == (
+            1,
+            "refused: no plan was cut short: there is nothing to resume\n",
+        )
+        assert rigtwin("plan", "run", plan, cwd=tmp_path).returncode == 0
+        busy = rigtwin("plan", "run", plan, cwd=tmp_path)
+        assert "plan short is running" in busy.stdout
+        assert rigtwin("command", "stop", cwd=tmp_path).returncode == 0
+        assert rigtwin("plan", "resume", cwd=tmp_path).returncode == 0
+        assert "plan short is running" in rigtwin("command", "arm", cwd=tmp_path).stdout
+        assert rigtwin("command", "stop", cwd=tmp_path).returncode == 0
+        assert rigtwin("shutdown", cwd=tmp_path).returncode == 0
+        assert run.wait() == 1, run.said()  # a plan was cut short
+    found = info(path)
+    assert found["meta"] == {"operator": "anna"}
+    told = [event for event in found["events"] if event["source"] == "operator"]
+    ends = [event["text"] for event in told if event["kind"] == "plan_end"]
+    assert len(ends) == 2
+    assert all(text.startswith("plan short was cut short: stop by") for text in ends)
+    assert [event["kind"] for event in told].count("plan_start") == 2
