@@ -171,7 +171,8 @@ def greet(supervisor: "Supervisor", rig: "Rig", plan: "Plan | None", path: Path 
         )
     if path is not None:
         supervisor.screen.line(f"recording {path}")
-    supervisor.screen.line("starting (the first start compiles the model, which takes about half a minute)")
+    compiling = " (the first start compiles the model, which takes about half a minute)" if rig.model else ""
+    supervisor.screen.line(f"starting{compiling}")
 
 
 def start_display(supervisor: "Supervisor", view: str, toml: str) -> None:

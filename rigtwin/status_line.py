@@ -1,26 +1,28 @@
 """The line that `rigtwin live` and `rigtwin replay` keep up to date, and the events above it."""
 
 import sys
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from daq.messages_pb2 import Event, Severity
 from rigtwin.monitor import Picture
 
+if TYPE_CHECKING:
+    from daq.rig import Rig
+
 PLAIN_PERIOD = 5.0  # s of the run between two lines where the output is not a terminal
 
 
-def status_text(picture: Picture, gap: float | None, recording: bool) -> str:
-    """One line: time, speed, orbit against the gap (m), contact force, regime, samples, loss, lag."""
-    orbit = f"orbit {picture.radius * 1e6:5.0f} µm"
-    if gap is not None:
-        orbit += f" of {gap * 1e6:.0f} µm"
-    parts = [
-        f"{picture.time:7.2f} s",
-        f"{picture.speed_hz:5.2f} Hz",
-        orbit,
-        f"contact {picture.contact_force:5.1f} N",
-        f"{picture.regime or picture.state:<16}",
-    ]
+def status_text(picture: Picture, rig: "Rig", recording: bool) -> str:
+    """One line: time, what the rig measures of speed, orbit and contact force, regime, samples, loss, lag."""
+    parts = [f"{picture.time:7.2f} s"]
+    if rig.channels.of_quantity("speed"):
+        parts.append(f"{picture.speed_hz:5.2f} Hz")
+    if rig.channels.of_quantity("displacement"):
+        gap = f" of {rig.model.backup_bearing.clearance * 1e6:.0f} µm" if rig.model else ""
+        parts.append(f"orbit {picture.radius * 1e6:5.0f} µm{gap}")
+    if rig.channels.of_quantity("force"):
+        parts.append(f"contact {picture.contact_force:5.1f} N")
+    parts.append(f"{picture.regime or picture.state:<16}")
     if recording:
         parts.append(f"recorded {picture.recorded:,} samples, lost {picture.lost:,}")
     parts.append(f"{picture.lag * 1e3:.0f} ms behind")

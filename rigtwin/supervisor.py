@@ -61,7 +61,6 @@ class Supervisor:
         self._restarts: dict[str, int] = {}
         self._announcements: dict[str, tuple[str, str]] = {}
         self._recording = recording
-        self._gap = rig.model.backup_bearing.clearance if rig.model else None
 
     def add(
         self, name: str, arguments: Sequence[str], again: Callable[[], Sequence[str]] | None = None
@@ -91,7 +90,7 @@ class Supervisor:
         for name in list(self._announcements):
             self._announce(name)
         picture = self.monitor.picture
-        self.screen.show(status_text(picture, self._gap, self._recording), picture.time)
+        self.screen.show(status_text(picture, self.rig, self._recording), picture.time)
 
     def finish(self, order: Sequence[str]) -> None:
         """Order the end, child after child, going on to show what happens meanwhile."""

@@ -114,6 +114,15 @@ def test_a_backend_as_described_passes_and_runs(tmp_path):
     assert run(page, tmp_path, PYTHONPATH=str(tmp_path)) == 3
 
 
+def test_tests_against_a_rig_as_described_pass(tmp_path):
+    packages = tmp_path / "packages"
+    packages.mkdir()
+    shutil.copy(ROOT / "pyproject.toml", packages)
+    install(packages)
+    page = examples("how-to/test-against-a-rig.md")
+    assert run(page, tmp_path, PYTHONPATH=f"{packages}{os.pathsep}{ROOT}") == 1
+
+
 def test_a_listener_as_described_hears_a_run(tmp_path):
     (example,) = [each for each in examples("how-to/watch-from-another-process.md") if each.file]
     (port,) = free_ports(1)
