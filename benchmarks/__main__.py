@@ -10,7 +10,17 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 TARGET = HERE.parent / "docs" / "reference" / "figures.md"
-SCRIPTS = ("link", "processes", "recording", "reading", "display", "simulator", "twin", "advisor")
+SCRIPTS = (
+    "link",
+    "processes",
+    "protection",
+    "recording",
+    "reading",
+    "display",
+    "simulator",
+    "twin",
+    "advisor",
+)
 HEAD = """# Figures
 
 Measured by `python -m benchmarks` on {date}: {cores} cores of {processor}, Python {python}, {system}.
