@@ -115,7 +115,7 @@ class Acquisition:
         rig, truth = self.rig, self._truth
         named = (truth.truth_names, truth.truth_units) if truth else None
         self._stream = Stream(rig, self._guard, self.run, self.start_time, self._publish, named)
-        self._events = EventLog(rig.name, self.run, rig.acquisition.rate, self.start_time, self._publish)
+        self._events = EventLog(rig, self.run, self.start_time, self._publish)
         self._events.add("start", f"run {self.run} of {rig.name} started", 0, details={"run": self.run})
         self._overdue = rig.channels.overdue(self.start_time.day)
         for name in self._overdue:
@@ -146,6 +146,7 @@ class Acquisition:
         for warned in verdict.warnings:
             self._events.add("warning", warned.text, warned.sample, WARNING, {"cause": warned.cause})
         self._stream.add(values, reading.first_sample, flags)
+        self._events.advance(self.sample)
         if self._truth:
             truth = self._truth.truth()[:, -reading.n_samples :]
             self._stream.add_truth(truth, reading.first_sample, flags)
@@ -203,6 +204,7 @@ class Acquisition:
     def end(self) -> None:
         """Publish what is left and the event `end`, whose detail `samples` is the run's last index plus 1."""
         self._stream.flush()
+        self._events.advance(self.sample, ending=True)
         self.ending = self.ended = True
         details = {"samples": self.sample, "lost": self.lost}
         text = f"run ended after {self.sample / self.rig.acquisition.rate:.2f} s"

@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping
 
 from daq import keys
 from daq.messages_pb2 import INFO, Event, Severity
+from daq.regions import KIND, TRIGGERS, Regions
+from daq.rig import Rig
 from daq.timing import StartTime
 
 Publish = Callable[[str, bytes], None]
@@ -45,20 +47,20 @@ class EventCounter:
 
 
 class EventLog:
-    """Publishes the daq's events of one run.
+    """Publishes the daq's events of one run, and the regions around them.
 
     Args:
-        rig: name of the rig.
+        rig: its name, rate and regions.
         run: run id.
-        rate: Hz, of the sample index.
         start: UTC of sample 0.
         publish: takes key and payload.
     """
 
-    def __init__(self, rig: str, run: str, rate: float, start: StartTime, publish: Publish) -> None:
-        self._key = keys.event(rig, SOURCE)
+    def __init__(self, rig: Rig, run: str, start: StartTime, publish: Publish) -> None:
+        self._key = keys.event(rig.name, SOURCE)
         self._run = run
-        self._rate = rate
+        self._rate = rig.acquisition.rate
+        self._regions = Regions(*rig.regions)
         self._start = start
         self._publish = publish
         self._events = EventCounter(SOURCE)
@@ -72,6 +74,13 @@ class EventLog:
         details: Mapping[str, object] | None = None,
     ) -> None:
         """Publish one event; `details` are written as texts."""
+        if kind in TRIGGERS:
+            self._regions.trigger(sample, kind)
         timestamp = self._start.timestamp(sample, self._rate)
         payload = self._events.make(kind, text, sample, severity, details, run=self._run, timestamp=timestamp)
         self._publish(self._key, payload)
+
+    def advance(self, sample: int, ending: bool = False) -> None:
+        """Publish the region that is over now that the samples before `sample` are there, or with the run."""
+        for region in self._regions.over(sample, ending):
+            self.add(KIND, region.text(self._rate), sample, details=region.details())

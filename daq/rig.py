@@ -17,6 +17,7 @@ from daq.channels import Channel, ChannelTable, checked_table
 from daq.limits import Limits, limits_of
 from daq.settings import (
     AcquisitionSettings,
+    CaptureSettings,
     CommandSettings,
     EmulatorSettings,
     EncoderSettings,
@@ -35,7 +36,7 @@ __all__ = ["Rig", "RigError", "load_rig", "rig_from_text", "shipped_rigs", "with
 MODEL_TABLES = Model._fields
 TABLES = (
     "rig", *MODEL_TABLES, "unbalance_mass", "command", "safe_state", "solenoid", "acquisition", "device",
-    "encoder", "channel", "limits", "twin", "link", "emulator",
+    "encoder", "channel", "limits", "capture", "twin", "link", "emulator",
 )  # fmt: skip
 EMULATORS = ("emulator", "emulated-device")
 """Backends behind which there is a model: in the daq's process, and in one of its own."""
@@ -65,6 +66,7 @@ class Rig:
     command: CommandSettings
     safe_state: SafeStateSettings
     limits: Limits
+    capture: CaptureSettings
     encoder: EncoderSettings | None  # None for a rig without one
     twin: TwinSettings
     link: LinkSettings
@@ -84,6 +86,12 @@ class Rig:
         if self.model is None:
             raise RigError(f"{self.name} has no model to emulate; add the tables {', '.join(MODEL_TABLES)}")
         return self.actual or self.model
+
+    @property
+    def regions(self) -> tuple[int, int]:
+        """Samples before and after an event that belong to its region."""
+        rate = self.acquisition.rate
+        return round(self.capture.before * rate), round(self.capture.after * rate)
 
     @cached_property
     def solenoid_names(self) -> tuple[str, ...]:
@@ -168,6 +176,7 @@ def _validated(tables: Mapping[str, Any]) -> Rig:
         command=tuple_at(CommandSettings, _table(tables, "command"), "[command]"),
         safe_state=tuple_at(SafeStateSettings, _table(tables, "safe_state"), "[safe_state]"),
         limits=limits_of(_table(tables, "limits"), channels),
+        capture=tuple_at(CaptureSettings, _table(tables, "capture", {}), "[capture]"),
         encoder=tuple_at(EncoderSettings, tables["encoder"], "[encoder]") if "encoder" in tables else None,
         twin=tuple_at(TwinSettings, _table(tables, "twin"), "[twin]"),
         link=tuple_at(LinkSettings, _table(tables, "link", {}), "[link]"),

@@ -70,6 +70,14 @@ class EncoderSettings(NamedTuple):
         return self.index_angle_deg * pi / 180
 
 
+class CaptureSettings(NamedTuple):
+    """Table `[capture]`, which may be missing: the regions that are marked around what happens."""
+
+    before: Annotated[float, Quantity("s", 0.0, 3600.0, "of a region, before what happened")] = 1.0
+    after: Annotated[float, Quantity("s", 0.0, 3600.0, "of a region, after it")] = 2.0
+    residual: Annotated[float | None, Quantity("m rms", 0.0, 1.0, "of the twin that makes a region")] = None
+
+
 class TwinSettings(NamedTuple):
     """Table `[twin]`: the model that runs alongside, or none for a rig without a model."""
 

@@ -85,7 +85,7 @@ class _Importer:
         """Index of the next sample."""
         run, self._rate = writer.ledger.run, rig.acquisition.rate
         self._stream = Stream(rig, guard_of(rig), run, start, writer.add)
-        self._events = EventLog(rig.name, run, self._rate, start, writer.add)
+        self._events = EventLog(rig, run, start, writer.add)
         self._published = 0  # index behind the last sample that was there
         self._events.add("start", f"run {run} of {rig.name} was imported", 0, details={"run": run})
 

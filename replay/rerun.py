@@ -107,6 +107,8 @@ def estimate(source: str | Path, target: str | Path, progress: Progress = lambda
                     for made in _process(twin, message.payload):
                         writer.add(*made)
                     progress(twin.observer.expected or 0)
+            for made in twin.finish():
+                writer.add(*made)
             stored = run.files[-1].certificate
             return writer.close(
                 expected=stored.first_sample + stored.expected if stored else None,

@@ -107,5 +107,7 @@ def simulate(
                     writer.add(*estimated)
 
         outcome = perform(rig, plan, record, run=run_id, t0_ns=start.t0_ns, progress=progress)
+        for made in observer.finish() if observer else ():
+            writer.add(*made)
         writer.close(expected=outcome.samples, clean=True)
     return outcome

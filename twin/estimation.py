@@ -8,6 +8,7 @@ from daq import keys
 from daq.events import EventCounter
 from daq.messages import SeriesEncoder, decode_series
 from daq.messages_pb2 import INFO, WARNING, Severity
+from daq.regions import KIND, Regions
 from daq.rig import Rig
 from twin.findings import Findings, RegimeChange
 from twin.observer import STRIDE, Estimated, EstimateStatus, Observer
@@ -42,6 +43,8 @@ class Twin:
         self._t0 = t0_ns * 1e-9
         self._counter = EventCounter(SOURCE)
         self._quiet_until = 0
+        self._regions = Regions(*rig.regions)
+        self._largest_residual = rig.capture.residual
         self._encoder = SeriesEncoder(run, self._rate, self.observer.names, self.observer.units, STRIDE)
         self._keys = keys.estimate(rig.name), keys.twin_summary(rig.name), keys.event(rig.name, SOURCE)
 
@@ -73,9 +76,25 @@ class Twin:
         summary, change = self._findings.summarise()
         summary.timestamp, summary.run = self._time(summary.first_sample), self.run
         messages = [(self._keys[1], summary.SerializeToString(deterministic=True))]
+        end = summary.first_sample + summary.n_samples
         if change:
-            messages.append(self._regime(change, summary.first_sample + summary.n_samples))
-        return messages
+            messages.append(self._regime(change, end))
+        if summary.impacts:
+            self._regions.trigger(end, "impact")
+        if self._largest_residual is not None and summary.residual_rms > self._largest_residual:
+            self._regions.trigger(end, "residual")
+        return messages + self._region(end)
+
+    def finish(self) -> list[tuple[str, bytes]]:
+        """Return what is left to publish at the run's end."""
+        return self._region(self.observer.expected or 0, ending=True)
+
+    def _region(self, sample: int, ending: bool = False) -> list[tuple[str, bytes]]:
+        """Return the event of a region that is over."""
+        return [
+            self._event(KIND, region.text(self._rate), sample, details=region.details())
+            for region in self._regions.over(sample, ending)
+        ]
 
     def _events(self, estimated: Estimated, cause: str) -> list[tuple[str, bytes]]:
         """Return the events of a gap, a late start or a lost state."""

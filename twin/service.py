@@ -198,7 +198,11 @@ class Service:
         """Tell whether the run has ended and all is done, or nothing is to be expected any more."""
         now = time.monotonic()
         if self._end is not None:
-            return self._is_done(now) and self._is_fetched(now)
+            if not self._is_done(now):
+                return False
+            for message in self._twin.finish() if self._twin else ():
+                self._outlet(*message)
+            return self._is_fetched(now)
         quiet = now - self._heard
         return told_to_end and quiet > (ORPHANED if "daq" in self._presence else GONE)
 

@@ -97,6 +97,7 @@ TABLES: tuple[tuple[type, str, dict[str, str]], ...] = (
         {"allow_overdue": "whether the rig may be armed although a channel's calibration is overdue"},
     ),
     (settings.SafeStateSettings, "`[safe_state]`", {}),
+    (settings.CaptureSettings, "`[capture]`", {}),
     (
         settings.TwinSettings,
         "`[twin]`",

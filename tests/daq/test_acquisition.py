@@ -444,7 +444,7 @@ def test_equal_inputs_give_equal_bytes():
     assert first == again
     assert first != other
     assert outcome.aborted == ""
-    assert sink.kinds() == ["start", "arm", "speed", "hit", "mark", "stop", "end"]
+    assert sink.kinds() == ["start", "arm", "speed", "hit", "mark", "stop", "region", "end"]
     assert sink.event("end").details["samples"] == str(outcome.samples)
     steps = [Event.FromString(payload).kind for payload in sink.of(keys.event(RIG.name, "operator"))]
     assert steps == ["plan_start", "step", "step", "step", "step", "plan_end"]
