@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from daq.plan import load_plan
 from daq.rig import load_rig
 from replay.comparison import Comparison, Scales
-from replay.history import RecordedRun
+from replay.history import RepeatableRun
 from rigtwin import simulate
 
 FOLDER = Path(__file__).resolve().parent
@@ -55,12 +55,12 @@ def table() -> dict[str, Any]:
 
 def compare(stored: Path, again: Path) -> dict[str, Comparison]:
     """Compare two recordings of one plan, series by series."""
-    with RecordedRun(stored) as before, RecordedRun(again) as now:
+    with RepeatableRun(stored) as before, RepeatableRun(again) as now:
         found = {}
         for name in SERIES:
             scales = Scales()
-            for series in before.series(name):
+            for series in before.decoded(name):
                 scales.take(series)
             found[name] = comparison = Comparison(BOUND, scales)
-            comparison.take_all(before.series(name), now.series(name))
+            comparison.take_all(before.decoded(name), now.decoded(name))
         return found
