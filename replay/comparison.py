@@ -10,7 +10,7 @@ from daq.messages import TIMING_FLAGS, Series
 
 QUALITY = ~int(TIMING_FLAGS)
 TURN = 2.0 * np.pi
-ANGLE = "angle"  # the channel that jumps from one turn to 0
+ANGLES = ("angle", "contact_angle", "unbalance_phase")  # channels that jump by one turn
 
 
 @dataclass(frozen=True)
@@ -157,8 +157,8 @@ def _sizes(recorded: Series, rerun: Series) -> np.ndarray:
     before, now = recorded.samples.astype(np.float64), rerun.samples.astype(np.float64)
     with np.errstate(invalid="ignore"):
         size = np.abs(now - before)
-    if ANGLE in recorded.names:
-        row = size[recorded.names.index(ANGLE)]
+    for name in set(ANGLES) & set(recorded.names):
+        row = size[recorded.names.index(name)]
         row[:] = np.minimum(row, np.abs(TURN - row))
     size[(before == now) | (np.isnan(before) & np.isnan(now))] = 0.0
     size[np.isnan(size)] = np.inf

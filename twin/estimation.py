@@ -10,8 +10,9 @@ from daq.messages import SeriesEncoder, decode_series
 from daq.messages_pb2 import INFO, WARNING, Severity
 from daq.regions import KIND, Regions
 from daq.rig import Rig
+from twin.estimate import STRIDE, Estimated, EstimateStatus
 from twin.findings import Findings, RegimeChange
-from twin.observer import STRIDE, Estimated, EstimateStatus, Observer
+from twin.observer import Observer
 
 SOURCE = "twin"
 LOST_PERIOD = 1.0  # s in which a state that is lost again and again is told once
@@ -110,8 +111,8 @@ class Twin:
             return [self._event("start", text, first)]
         if estimated.status & EstimateStatus.LOST and first >= self._quiet_until:
             self._quiet_until = first + round(LOST_PERIOD * self._rate)
-            text = "measurement and model contradict each other: the state is set anew from the measurement"
-            return [self._event("lost", text, first, WARNING)]
+            text = f"{estimated.cause}: the linear filter stands in, and the observer begins anew"
+            return [self._event("lost", text, first, WARNING, {"cause": estimated.cause})]
         return []
 
     def _after(self, sample: int) -> str:

@@ -9,7 +9,7 @@ from analysis.regime import Regime, classify, features
 from analysis.synchronous import last_whole_revolutions, synchronous, whirl_vectors
 from daq.messages_pb2 import TwinSummary
 from daq.rig import Rig
-from twin.observer import Estimated
+from twin.estimate import Estimated
 
 PERIOD = 0.1  # s that one summary covers
 WINDOW = 0.5  # s that 1X vector and regime may look back

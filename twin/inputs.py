@@ -7,8 +7,7 @@ import numpy as np
 from daq.channels import Channel
 from daq.rig import Rig, RigError
 from daq.shaft import ENCODER, sense_of
-from twin.filter import Feeds, Sensors
-from twin.layout import HOUSE, TILT, Tuning
+from twin.layout import HOUSE, TILT, Feeds, Sensors, Tuning
 
 CURRENT = "solenoid_current"
 LEAST_CROSSING = 0.1  # determinant of the probes' directions below which they lie in one line

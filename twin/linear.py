@@ -41,20 +41,34 @@ def multiply(left: np.ndarray, right: np.ndarray, out: np.ndarray) -> None:
 
 
 @kernel
-def congruence(transition: np.ndarray, covariance: np.ndarray, work: np.ndarray) -> None:
-    """Set `covariance` = `transition` @ `covariance` @ `transition`^T, all (n, n); exactly symmetric.
+def carry(
+    transition: np.ndarray,
+    covariance: np.ndarray,
+    half: np.ndarray,
+    turned: np.ndarray,
+    square: np.ndarray,
+) -> None:
+    """Set `covariance` (n, n) = F `covariance` F^T, exactly symmetric.
 
-    `work` (2, n, n) is scratch.
+    F is `transition` (m, n) in its first m rows and the unit matrix in the others. `half` (m, n), `turned`
+    (n, m) and `square` (m, m) are scratch.
     """
-    half, turned = work[0], work[1]
+    size, moving = covariance.shape[0], transition.shape[0]
     multiply(transition, covariance, half)
-    size = covariance.shape[0]
-    for i in range(size):
+    for i in range(moving):
         for j in range(size):
-            turned[i, j] = half[j, i]
-    multiply(transition, turned, covariance)
-    for i in range(size):
-        for j in range(i):
+            turned[j, i] = half[i, j]
+    multiply(transition, turned, square)
+    for i in range(moving):
+        for j in range(i + 1):
+            mean = 0.5 * (square[i, j] + square[j, i])
+            covariance[i, j] = mean
+            covariance[j, i] = mean
+        for j in range(moving, size):
+            covariance[i, j] = half[i, j]
+            covariance[j, i] = half[i, j]
+    for i in range(moving, size):
+        for j in range(moving, i):
             mean = 0.5 * (covariance[i, j] + covariance[j, i])
             covariance[i, j] = mean
             covariance[j, i] = mean

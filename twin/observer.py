@@ -2,12 +2,15 @@
 
 An extended Kalman filter on the simulator's own kernels. Its state z (order: `twin.layout`) is
 
-    u, u'       tilt of the rotor and its rate                       4
-    h, h'       displacement of the house and its rate               4
-    w_r         spin of the bearing's inner ring                     1
-    Uc, Us      unbalance along and across the encoder's zero        2
-    Mx, My      static moment: weight, coupling, probes' offsets     2
-    rx, ry      contact force that the contact law does not explain  2
+    u, u'       tilt of the rotor and its rate                                 4
+    h, h'       displacement of the house and its rate                         4
+    w_r         spin of the bearing's inner ring                               1
+    Uc, Us      unbalance along and across the encoder's zero                  2
+    Mx, My      static moment: weight, coupling, probes' offsets               2
+    rx, ry      contact force that the contact law does not explain            2
+    ln k, ln eta, ln mu   stiffness, damping, friction of the contact          3
+    g           clearance beyond the described one                             1
+    K, c        changes of the magnetic bearing's stiffness and damping        2
 
 and its equations are those of the simulator, with the shaft's angle theta, speed Omega and acceleration
 alpha from the encoder:
@@ -23,9 +26,6 @@ shaft flies the gain is that of a gentle linear filter, in contact it knows how 
 derivation and the measured accuracy are in docs/explanation/observer.md.
 """
 
-from enum import IntFlag
-from typing import NamedTuple
-
 import numpy as np
 
 from daq.messages import TIMING_FLAGS, Series
@@ -34,84 +34,42 @@ from simulator.candidates import candidates_of, for_kernels
 from simulator.rig import DriveMode, Model
 from simulator.simulation import checked
 from simulator.tick import tick_of
-from twin.filter import Tally, observe, restart
+from twin.estimate import STRIDE, Estimated, EstimateStatus
+from twin.fallback import (
+    fallback_of,
+    follow,
+    forget,
+    hand_over,
+    hand_over_rates,
+    is_warm,
+    tilt_variance,
+)
+from twin.filter import Tally, forget_motion, observe, restart
 from twin.inputs import feeds_of, sensors_of
-from twin.layout import MOMENT, SIZE, UNBALANCE, Memory, Tuning, new_memory
+from twin.layout import (
+    CLEARANCE,
+    DAMPING,
+    FRICTION,
+    MAGNET_DAMPING,
+    MAGNET_STIFFNESS,
+    MOMENT,
+    SIZE,
+    STIFFNESS,
+    UNBALANCE,
+    Memory,
+    Tuning,
+    new_memory,
+)
+from twin.outputs import SHAFT, rows_of
+from twin.virtual import report
 
-STRIDE = 5  # samples between two columns of an estimate
 SETTLING_TIME = 0.1  # s after a restart during which the estimate is not vouched for
 LOST_RATIO = 100.0  # mean innovation variance over its expectation at which the observer starts anew
+LOST_MAGNET_DOUBT = (
+    0.5  # relative, of the magnetic bearing's stiffness once the state was lost: it may be gone
+)
 UNBALANCE_PRIOR = 2.0  # times the described unbalance: how large the true one may be
 MOMENT_PRIOR = 0.2  # of the described static moment
-
-OUTPUTS = {
-    "tilt_x": "rad",
-    "tilt_y": "rad",
-    "tilt_rate_x": "rad/s",
-    "tilt_rate_y": "rad/s",
-    "house_x": "m",
-    "house_y": "m",
-    "house_rate_x": "m/s",
-    "house_rate_y": "m/s",
-    "ring_speed": "rad/s",
-    "displacement_x": "m",
-    "displacement_y": "m",
-    "contact_force_x": "N",
-    "contact_force_y": "N",
-    "normal_force": "N",
-    "penetration": "m",
-    "unbalance_x": "kg m",
-    "unbalance_y": "kg m",
-    "angle": "rad",
-    "speed": "rad/s",
-}
-"""Name and unit of each row of an estimate but the residuals, which follow. Displacements are the shaft
-centre's at the backup bearing's plane; forces act on the rotor; the angle is within one turn."""
-
-
-class EstimateStatus(IntFlag):
-    """Flags in an estimate's `status`, beside those of `daq.messages.BlockStatus` that its block carried."""
-
-    RESTARTED = 256
-    """The state was set anew from the measurement: at the start, after a gap, or because it was lost."""
-    SETTLING = 512
-    """Less than 0.1 s since then."""
-    LOST = 1024
-    """Measurement and model disagreed so much, or the state was no number, that the observer starts anew."""
-
-
-class Estimated(NamedTuple):
-    """What the observer makes of one block; column j is sample first_sample + j * stride."""
-
-    first_sample: int
-    n_samples: int  # of the block
-    rate: float  # Hz
-    status: int  # flags of `BlockStatus` and `EstimateStatus`
-    stride: int
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    samples: np.ndarray  # (n_outputs, n_columns) float64, SI
-    shaft_angle: np.ndarray  # (n_columns,) rad, not wrapped
-    missing: (
-        tuple[int, int] | None
-    )  # first and last sample that were expected before this block and did not come
-    largest_force: float  # N, normal contact force, over every sample of the block
-    largest_radius: float  # m, of the shaft's centre at the backup bearing, likewise
-    residual_rms: np.ndarray  # (n_sensors,) of the innovations of each sensor, in its unit; NaN: not used
-
-    @property
-    def settled(self) -> bool:
-        """Whether the estimate is vouched for."""
-        return not self.status & (EstimateStatus.SETTLING | EstimateStatus.LOST)
-
-    @property
-    def restarted(self) -> bool:
-        """Whether the state was set anew at this block's first sample."""
-        return bool(self.status & EstimateStatus.RESTARTED)
-
-    def row(self, name: str) -> np.ndarray:
-        """Return one output (n_columns,)."""
-        return self.samples[self.names.index(name)]
 
 
 class Observer:
@@ -138,15 +96,19 @@ class Observer:
         self.sensors = sensors_of(rig, self.tuning)
         self.feeds = feeds_of(rig)
         self.tick = tick_of(self.model, 1.0 / rig.acquisition.rate)
-        self.memory = first_memory(rig.model)
+        self.memory = first_memory(rig.model, self.tuning)
+        self.fallback = fallback_of(self.model, self.tick.length, tilt_variance(self.sensors))
         self.expected: int | None = None
         self._settled_from = 0
         self._lost = True
         self._moment = np.zeros(2)
+        self._doubtful = self.tuning._replace(magnet_stiffness_doubt=LOST_MAGNET_DOUBT)
         self.sensor_names = tuple(rig.channels.names[i] for i in self.sensors.channel)
         units = tuple(rig.channels.units[i] for i in self.sensors.channel)
-        self.names = (*OUTPUTS, *(f"residual_{name}" for name in self.sensor_names))
-        self.units = (*OUTPUTS.values(), *units)
+        rows = rows_of(self.model)
+        self.names = (*rows, *(f"residual_{name}" for name in self.sensor_names))
+        self.units = (*rows.values(), *units)
+        self._told = len(rows)
 
     def update(self, series: Series) -> Estimated:
         """Take in the next block and return the estimate over it.
@@ -159,7 +121,7 @@ class Observer:
         start = 0
         status = int(series.status) & ~int(TIMING_FLAGS)
         if self._lost or missing is not None:
-            self._restart(series)
+            self._restart(series, missing is not None)
             start = 1
             status |= EstimateStatus.RESTARTED
         estimated = self._run(series, start, status, missing)
@@ -184,20 +146,25 @@ class Observer:
             return None
         return self.expected, series.first_sample - 1
 
-    def _restart(self, series: Series) -> None:
-        """Set the moving states from the block's first sample."""
+    def _restart(self, series: Series, after_gap: bool) -> None:
+        """Set the moving states from the block's first sample, and the rates from the linear filter's."""
         restart(self.memory, self.sensors, self.feeds, series.samples, self.tick.length)
-        self.memory.candidates[:] = candidates_of(self.described)
+        if after_gap:
+            forget(self.fallback)
+        elif is_warm(self.fallback):
+            hand_over_rates(self.fallback, self.memory)
+        self.memory.described[:] = candidates_of(self.described)
         self._moment[:] = 0.0
         self._lost = False
         self._settled_from = series.first_sample + round(SETTLING_TIME * series.rate)
 
     def _run(self, series: Series, start: int, status: int, missing: tuple[int, int] | None) -> Estimated:
-        """Run the kernel over the block and judge what came out."""
+        """Run both filters over the block and judge what came out."""
         count, sensors = series.samples.shape[1], self.sensors.channel.size
         columns = -(-count // STRIDE)
-        out = np.empty((len(OUTPUTS) + sensors, columns))
+        out, linear = np.empty((self._told + sensors, columns)), np.empty((6, columns))
         tally = Tally(np.zeros(sensors), np.zeros(sensors), np.zeros(sensors), np.zeros(2))
+        follow(self.fallback, self.sensors, series.samples, STRIDE, linear)
         observe(
             for_kernels(self.model),
             self.tick,
@@ -209,36 +176,60 @@ class Observer:
             start,
             STRIDE,
             self._moment,
-            out[: len(OUTPUTS)],
-            out[len(OUTPUTS) :],
+            out[: self._told],
+            out[self._told :],
             tally,
         )
-        if self._is_lost(out, tally, start):
+        cause = self._cause_of_loss(out, tally, start)
+        if cause:
             status |= EstimateStatus.LOST
-            self._lost = True
-            self.memory = first_memory(self.described)
+            self._fall_back(out[: self._told], linear, tally)
         if series.first_sample < self._settled_from:
             status |= EstimateStatus.SETTLING
-        return self._estimated(series, out, status, missing, tally)
+        return self._estimated(series, out, status, missing, cause, tally)
 
-    def _is_lost(self, out: np.ndarray, tally: Tally, start: int) -> bool:
-        """Tell whether the state is no number, or the sensors contradict the model beyond all expectation."""
-        if not np.isfinite(out[: len(OUTPUTS)]).all():
-            return True
-        used = tally.counts > 0
-        ratios = tally.ratios[used] / tally.counts[used]
-        return bool(start == 0 and ratios.size and ratios.max() > LOST_RATIO)
+    def _cause_of_loss(self, out: np.ndarray, tally: Tally, start: int) -> str:
+        """Say why the observer has lost the state over a block, if it has."""
+        if not np.isfinite(out[: self._told]).all() or not np.isfinite(self.memory.covariance).all():
+            return "the state was no number"
+        if start:
+            return ""
+        ratios = np.divide(
+            tally.ratios, tally.counts, out=np.zeros(tally.counts.size), where=tally.counts > 0
+        )
+        worst = int(np.argmax(ratios))
+        if ratios[worst] <= LOST_RATIO:
+            return ""
+        return f"{self.sensor_names[worst]} was {np.sqrt(ratios[worst]):.0f} times as far off as expected"
+
+    def _fall_back(self, out: np.ndarray, linear: np.ndarray, tally: Tally) -> None:
+        """Begin anew from the rig's description, and tell over the block what the linear filter saw."""
+        shaft = np.nan_to_num(out[SHAFT : SHAFT + 2], nan=0.0, posinf=0.0, neginf=0.0)
+        self.memory = first_memory(self.described, self._doubtful)
+        self.memory.described[:] = candidates_of(self.described)
+        tally.peak[:] = 0.0
+        self._lost = True
+        forget_motion(self.memory)
+        for column in range(linear.shape[1]):
+            self.memory.shaft[:2] = shaft[:, column]
+            hand_over(self.fallback, linear[:, column], self.memory)
+            report(for_kernels(self.model), self.memory, column, STRIDE, self.tick.length, out, tally.peak)
 
     def _estimated(
-        self, series: Series, out: np.ndarray, status: int, missing: tuple[int, int] | None, tally: Tally
+        self,
+        series: Series,
+        out: np.ndarray,
+        status: int,
+        missing: tuple[int, int] | None,
+        cause: str,
+        tally: Tally,
     ) -> Estimated:
-        """Put the estimate together; what is no number is published as zero, with the flag LOST."""
-        angle = out[self.names.index("angle")].copy()
-        out[self.names.index("angle")] %= 2.0 * np.pi
-        if status & EstimateStatus.LOST:
-            np.nan_to_num(out[: len(OUTPUTS)], copy=False, nan=0.0, posinf=0.0, neginf=0.0)
+        """Put the estimate together."""
+        angle = out[SHAFT].copy()
+        out[SHAFT] %= 2.0 * np.pi
         with np.errstate(invalid="ignore"):
             rms = np.sqrt(tally.squares / tally.counts)
+            ratios = tally.ratios / tally.counts
         return Estimated(
             series.first_sample,
             series.samples.shape[1],
@@ -250,8 +241,10 @@ class Observer:
             out,
             angle,
             missing,
-            float(np.nan_to_num(tally.peak[0])),
-            float(np.nan_to_num(tally.peak[1])),
+            cause,
+            float(tally.peak[0]),
+            float(tally.peak[1]),
+            ratios,
             rms,
         )
 
@@ -262,16 +255,22 @@ def bare(model: Model) -> Model:
     return checked(model._replace(rotor=rotor, drive=model.drive._replace(mode=DriveMode.IDEAL)))
 
 
-def first_memory(model: Model) -> Memory:
+def first_memory(model: Model, tuning: Tuning) -> Memory:
     """Return the memory of an observer that has seen nothing: what the rig's description says, with doubt."""
     memory = new_memory()
-    memory.candidates[:] = candidates_of(model)
+    memory.described[:] = candidates_of(model)
     rotor = model.rotor
     weight = -rotor.mass * rotor.gravity * rotor.centre_of_mass_station
     moment = weight + rotor.coupling_station * rotor.coupling_force
     memory.state[MOMENT + 1] = moment
+    memory.weight[1] = weight
     doubt = np.zeros(SIZE)
     doubt[UNBALANCE : UNBALANCE + 2] = UNBALANCE_PRIOR * rotor.unbalance
     doubt[MOMENT : MOMENT + 2] = MOMENT_PRIOR * max(abs(weight), abs(moment))
+    doubt[[STIFFNESS, FRICTION]] = tuning.contact_doubt
+    doubt[DAMPING] = tuning.damping_doubt
+    doubt[CLEARANCE] = tuning.clearance_doubt
+    doubt[MAGNET_STIFFNESS] = tuning.magnet_stiffness_doubt
+    doubt[MAGNET_DAMPING] = tuning.magnet_damping_doubt
     memory.covariance[np.diag_indices(SIZE)] = doubt**2
     return memory

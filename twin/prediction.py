@@ -9,30 +9,56 @@ from math import ceil, log2
 
 import numpy as np
 
+from simulator.candidates import SLIDING
 from simulator.compile import kernel
-from simulator.contact import latch, penetration
+from simulator.contact import Contact, penetration
 from simulator.dynamics import Tick, collide, contact_substeps, may_touch
 from simulator.numeric import sine_cosine
 from simulator.rig import Model
 from simulator.state import Inputs, State
 from twin.layout import (
+    CLEARANCE,
+    CONTACT_PARAMETERS,
+    DAMPING,
     DYNAMIC,
+    FRICTION,
     HOUSE_RATE,
+    MAGNET_DAMPING,
+    MAGNET_STIFFNESS,
     MOMENT,
     RESIDUAL,
     RING,
     SIZE,
+    STIFFNESS,
+    TILT,
     TILT_RATE,
     UNBALANCE,
     Memory,
     Tuning,
 )
-from twin.linear import congruence, copy, discretise
-from twin.slopes import add_contact, contact_slopes, free_rates, house_mass, input_rates
+from twin.linear import carry, discretise
+from twin.parameters import adjusted, latch_adjusted
+from twin.proximity import curvature_force, depth_doubt
+from twin.slopes import (
+    add_contact,
+    add_parameters,
+    contact_slopes,
+    free_rates,
+    house_mass,
+    input_rates,
+    parameter_slopes,
+)
 from twin.tracking import ACCELERATION, ANGLE, SPEED
 
 SPEED_STEP = 0.05  # rad/s by which the speed may change before the transition of free flight is built anew
+STIFFNESS_STEP = 1e-3  # likewise, of the relative change of K; what is left acts as a moment
+DAMPING_STEP = 0.02  # likewise, of c
 FREE_DOUBLINGS = 1  # halvings of the tick for the house's modes: 0.2 rad a half tick
+NEAR = 2e-4  # m from the wall within which it is asked how well the distance is known
+MARGIN = 2.0  # standard deviations of that distance within which the shaft may touch
+CAUTION = 2.0  # times the force by which the contact's curvature may mislead the filter
+SLIDES = 0.7  # of the friction of full sliding, below which the contact rolls and says nothing of friction
+DAMPS = 0.01  # of the normal force, below which the damping's share says nothing of it
 
 
 @kernel
@@ -51,17 +77,29 @@ def predict(
     total_x += moment_x
     total_y += moment_y
     before = state_of(memory.state, memory.shaft)
-    if may_touch(model, tick, before, penetration(model, memory.candidates, before)):
-        after = through_contact(model, tick, memory, before, total_x, total_y)
-        contact_flow(model, tick, memory, before, after)
+    now = adjusted(model, memory)
+    depth = penetration(now, memory.candidates, before)
+    memory.near[0] = depth_doubt(now, memory, before) if depth > -NEAR else 0.0
+    if may_touch(now, tick, before, depth + MARGIN * memory.near[0]):
+        after = through_contact(now, tick, memory, before, total_x, total_y)
+        contact_flow(now, tick, memory, before, after)
         put(after, memory.state)
         add_residual(memory)
+        fill_transition(memory, memory.flow, pull_x, pull_y)
     else:
-        free_flow(model, memory, step)
-        fly(memory, total_x, total_y)
-    fill_transition(memory, 1.0 - step / tuning.residual_time, pull_x, pull_y)
-    congruence(memory.transition, memory.covariance, memory.square_work)
-    spread(model, memory, tuning, step)
+        free_flow(now, memory, step)
+        fly(model, memory, total_x, total_y)
+        memory.near[0] = 0.0
+        fill_transition(memory, memory.free_flow, pull_x, pull_y)
+    add_magnet(model, memory.transition, before)
+    carry(memory.transition, memory.covariance, memory.half_work, memory.turned_work, memory.square_work)
+    ageing = step / tuning.residual_time
+    age_residual(memory, 1.0 - ageing if memory.near[0] > 0.0 else 0.0)
+    spread(now, memory, tuning, step)
+    if memory.near[0] > 0.0:
+        curved = curvature_force(now, memory.candidates, depth, memory.near[0])
+        unknown = 2.0 * ageing * (CAUTION * curved) ** 2  # r then has CAUTION * curved as its deviation
+        spread_contact(memory, unknown, tuning, step)
 
 
 @kernel
@@ -124,21 +162,33 @@ def put(state: State, vector: np.ndarray) -> None:
 
 @kernel
 def free_flow(model: Model, memory: Memory, step: float) -> None:
-    """Set the tick's flow to that of free flight, built anew when the speed has changed."""
-    speed = memory.shaft[SPEED]
-    if not abs(speed - memory.free_speed[0]) < SPEED_STEP:
-        memory.free_speed[0] = speed
+    """Have the tick's flow be that of free flight, built anew when speed or magnetic bearing have changed."""
+    at, speed, state = memory.free_at, memory.shaft[SPEED], memory.state
+    holds = (
+        abs(speed - at[0]) < SPEED_STEP
+        and abs(state[MAGNET_STIFFNESS] - at[1]) < STIFFNESS_STEP
+        and abs(state[MAGNET_DAMPING] - at[2]) < DAMPING_STEP
+    )
+    if not holds:
+        at[0], at[1], at[2] = speed, state[MAGNET_STIFFNESS], state[MAGNET_DAMPING]
         free_rates(model, speed, memory.rates)
-        input_rates(model, memory.inputs)
-        discretise(memory.rates, memory.inputs, step, FREE_DOUBLINGS, memory.free_flow, memory.flow_work)
-    copy(memory.free_flow, memory.flow)
+        input_rates(model, memory.free_inputs)
+        discretise(memory.rates, memory.free_inputs, step, FREE_DOUBLINGS, memory.free_flow, memory.free_work)
     memory.force[0] = 0.0
 
 
 @kernel
-def fly(memory: Memory, moment_x: float, moment_y: float) -> None:
-    """Advance the dynamic states through free flight under a moment (N m)."""
-    flow, state, work = memory.flow, memory.state, memory.vector_work
+def fly(model: Model, memory: Memory, moment_x: float, moment_y: float) -> None:
+    """Advance the dynamic states through free flight under a moment (N m).
+
+    What the magnetic bearing has changed by since the flow was built acts as a moment too.
+    """
+    flow, state, work = memory.free_flow, memory.state, memory.vector_work
+    magnet, arm = model.magnetic_bearing, model.rotor.magnet_station * model.rotor.magnet_station
+    stiffness = arm * magnet.stiffness * (state[MAGNET_STIFFNESS] - memory.free_at[1])
+    damping = arm * magnet.damping * (state[MAGNET_DAMPING] - memory.free_at[2])
+    moment_x -= stiffness * state[TILT] + damping * state[TILT_RATE]
+    moment_y -= stiffness * state[TILT + 1] + damping * state[TILT_RATE + 1]
     for i in range(DYNAMIC):
         work[i] = flow[i, DYNAMIC] * moment_x + flow[i, DYNAMIC + 1] * moment_y
         for j in range(DYNAMIC):
@@ -155,7 +205,7 @@ def through_contact(
     inputs = Inputs(0.0, memory.shaft[ACCELERATION], moment_x, moment_y)
     count = contact_substeps(model, tick, memory.candidates, state)
     for _ in range(count):
-        latch(model, state, memory.candidates)
+        latch_adjusted(model, memory, state)
         state = collide(model, memory.candidates, inputs, inputs, inputs, tick.length / count, state)
     return state
 
@@ -165,13 +215,33 @@ def contact_flow(model: Model, tick: Tick, memory: Memory, before: State, after:
     """Set the tick's flow from the contact's slopes at the middle between two states."""
     middle = halfway(before, after)
     here = contact_slopes(model, memory.candidates, middle, memory.slopes)
+    parameter_slopes(model, memory.candidates, middle, here, memory.slopes, memory.varied_work)
     memory.force[0] = here.normal
+    freeze(model, memory, here)
     free_rates(model, memory.shaft[SPEED], memory.rates)
     input_rates(model, memory.inputs)
     add_contact(model, memory.slopes, memory.rates)
+    add_parameters(model, memory.slopes, memory.inputs)
     count = contact_substeps(model, tick, memory.candidates, middle)
     doublings = ceil(log2(float(count))) + 1
     discretise(memory.rates, memory.inputs, tick.length, doublings, memory.flow, memory.flow_work)
+
+
+@kernel
+def freeze(model: Model, memory: Memory, here: Contact) -> None:
+    """Leave out of the slopes what the contact `here` says next to nothing of, and note what it tells.
+
+    Friction in rolling contact, damping on a soft orbit: a filter that is fed with what is barely
+    observable lets it wander.
+    """
+    tangential = abs(here.shaft_torque) / model.rotor.shaft_radius
+    slides = tangential > SLIDES * memory.candidates[0, SLIDING] * here.normal
+    damped = abs(memory.slopes[2, 6]) + abs(memory.slopes[3, 6]) > DAMPS * here.normal
+    memory.tells[0] = 1.0 if damped else 0.0
+    memory.tells[1] = 1.0 if slides else 0.0
+    for row in range(5):
+        memory.slopes[row, 6] *= memory.tells[0]
+        memory.slopes[row, 7] *= memory.tells[1]
 
 
 @kernel
@@ -204,13 +274,13 @@ def add_residual(memory: Memory) -> None:
 
 
 @kernel
-def fill_transition(memory: Memory, ageing: float, pull_x: float, pull_y: float) -> None:
-    """Set the transition of small deviations of the whole state from the tick's flow, and age the residual.
+def fill_transition(memory: Memory, flow: np.ndarray, pull_x: float, pull_y: float) -> None:
+    """Set the transition of small deviations from the tick's flow, but for the magnetic bearing's columns.
 
-    In contact `ageing` of the residual force is left after the tick; out of contact there is none.
+    Out of contact neither residual force nor contact parameters act.
     """
-    transition, flow = memory.transition, memory.flow
-    kept = ageing if memory.force[0] > 0.0 else 0.0
+    transition = memory.transition
+    touching = memory.near[0] > 0.0
     for i in range(DYNAMIC):
         for j in range(DYNAMIC):
             transition[i, j] = flow[i, j]
@@ -219,27 +289,65 @@ def fill_transition(memory: Memory, ageing: float, pull_x: float, pull_y: float)
         transition[i, UNBALANCE + 1] = to_y * pull_x - to_x * pull_y
         transition[i, MOMENT] = to_x
         transition[i, MOMENT + 1] = to_y
-        transition[i, RESIDUAL] = flow[i, DYNAMIC + 2]
-        transition[i, RESIDUAL + 1] = flow[i, DYNAMIC + 3]
-    for i in range(DYNAMIC, SIZE):
-        transition[i, i] = 1.0
+        for j in range(2 + CONTACT_PARAMETERS):
+            transition[i, RESIDUAL + j] = flow[i, DYNAMIC + 2 + j] if touching else 0.0
+
+
+@kernel
+def add_magnet(model: Model, transition: np.ndarray, state: State) -> None:
+    """Set the columns of K and c in the `transition` (DYNAMIC, SIZE): each makes a moment.
+
+    `model` is the described one, to which their changes are relative.
+    """
+    arm = model.rotor.magnet_station * model.rotor.magnet_station
+    stiffness, damping = arm * model.magnetic_bearing.stiffness, arm * model.magnetic_bearing.damping
+    for i in range(DYNAMIC):
+        to_x, to_y = transition[i, MOMENT], transition[i, MOMENT + 1]
+        transition[i, MAGNET_STIFFNESS] = -stiffness * (to_x * state.tilt_x + to_y * state.tilt_y)
+        transition[i, MAGNET_DAMPING] = -damping * (to_x * state.tilt_rate_x + to_y * state.tilt_rate_y)
+
+
+@kernel
+def age_residual(memory: Memory, kept: float) -> None:
+    """Keep a share of the residual force, and of what is known of it; none out of contact."""
     for i in range(RESIDUAL, RESIDUAL + 2):
-        transition[i, i] = kept
         memory.state[i] *= kept
+        for j in range(SIZE):
+            memory.covariance[i, j] *= kept
+        for j in range(SIZE):
+            memory.covariance[j, i] *= kept
 
 
 @kernel
 def spread(model: Model, memory: Memory, tuning: Tuning, step: float) -> None:
     """Add a tick's process noise to the covariance."""
-    covariance, normal = memory.covariance, memory.force[0]
+    covariance = memory.covariance
     for axis in range(2):
         rate, house = TILT_RATE + axis, HOUSE_RATE + axis
         covariance[rate, rate] += (tuning.moment_noise / model.rotor.inertia) ** 2 * step
         covariance[house, house] += (tuning.house_noise / house_mass(model, axis)) ** 2 * step
         covariance[UNBALANCE + axis, UNBALANCE + axis] += tuning.unbalance_walk**2 * step
         covariance[MOMENT + axis, MOMENT + axis] += tuning.moment_walk**2 * step
-        if normal > 0.0:
-            residual = RESIDUAL + axis
-            change = (tuning.residual_share * normal) ** 2 + tuning.residual_noise**2
-            covariance[residual, residual] += change * step
     covariance[RING, RING] += tuning.ring_noise**2 * step
+    if tuning.magnet_stiffness_doubt > 0.0:
+        covariance[MAGNET_STIFFNESS, MAGNET_STIFFNESS] += tuning.magnet_stiffness_walk**2 * step
+    if tuning.magnet_damping_doubt > 0.0:
+        covariance[MAGNET_DAMPING, MAGNET_DAMPING] += tuning.magnet_damping_walk**2 * step
+
+
+@kernel
+def spread_contact(memory: Memory, curved: float, tuning: Tuning, step: float) -> None:
+    """Add a tick's process noise of the residual force and of the contact's parameters that it tells of.
+
+    `curved` (N2) is added to the residual force's: see `curvature_force`.
+    """
+    covariance, normal = memory.covariance, memory.force[0]
+    change = (tuning.residual_share * normal) ** 2 + tuning.residual_noise**2
+    for i in range(RESIDUAL, RESIDUAL + 2):
+        covariance[i, i] += change * step + curved
+    if normal > 0.0:
+        walk = tuning.contact_walk**2 * step
+        covariance[STIFFNESS, STIFFNESS] += walk
+        covariance[DAMPING, DAMPING] += walk * memory.tells[0]
+        covariance[FRICTION, FRICTION] += walk * memory.tells[1]
+        covariance[CLEARANCE, CLEARANCE] += tuning.clearance_walk**2 * step

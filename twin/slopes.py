@@ -6,12 +6,14 @@ from simulator.compile import kernel
 from simulator.contact import Contact, contact_force, ring_radius
 from simulator.rig import Model
 from simulator.state import State
-from twin.layout import HOUSE, HOUSE_RATE, RING, TILT, TILT_RATE
+from twin.layout import CONTACT_PARAMETERS, FREE_INPUTS, HOUSE, HOUSE_RATE, RING, TILT, TILT_RATE
 from twin.linear import clear
+from twin.parameters import varied, vary_candidates
 
 PLACE_STEP = 1e-8  # m, of the differences that give the contact's slopes
 RATE_STEP = 1e-6  # m/s
 RING_STEP = 1e-3  # rad/s
+LOG_STEP = 1e-5  # of a parameter's logarithm
 
 
 @kernel
@@ -47,7 +49,7 @@ def house_mass(model: Model, axis: int) -> float:
 
 @kernel
 def input_rates(model: Model, inputs: np.ndarray) -> None:
-    """Set `inputs` (DYNAMIC, INPUTS): what a moment (N m) and a contact force (N) do to the rates."""
+    """Set `inputs` (DYNAMIC, 4 or more): what a moment (N m) and a contact force (N) do to the rates."""
     rotor = model.rotor
     clear(inputs)
     for axis in range(2):
@@ -58,7 +60,7 @@ def input_rates(model: Model, inputs: np.ndarray) -> None:
 
 @kernel
 def contact_slopes(model: Model, candidates: np.ndarray, state: State, slopes: np.ndarray) -> Contact:
-    """Set `slopes` (5, 5) of the contact in `state`, and return the contact there.
+    """Set the first five columns of `slopes` (5, n) of the contact in `state`, and return the contact there.
 
     Rows: moment along x, y, force along x, y, torque on the ring. Columns: place along x, y (m) and
     velocity along x, y (m/s) of the shaft in the house, ring speed (rad/s). The axial friction's own
@@ -87,12 +89,38 @@ def contact_slopes(model: Model, candidates: np.ndarray, state: State, slopes: n
                 0.0,
             ),
         )
-        slopes[0, column] = (there.moment_x - here.moment_x) / step
-        slopes[1, column] = (there.moment_y - here.moment_y) / step
-        slopes[2, column] = (there.force_x - here.force_x) / step
-        slopes[3, column] = (there.force_y - here.force_y) / step
-        slopes[4, column] = (there.ring_torque - here.ring_torque) / step
+        set_slope(here, there, step, slopes, column)
     return here
+
+
+@kernel
+def parameter_slopes(
+    model: Model, candidates: np.ndarray, state: State, here: Contact, slopes: np.ndarray, work: np.ndarray
+) -> None:
+    """Set the columns of `slopes` (5, 9) from the sixth on: how the contact changes with its parameters.
+
+    They are ln stiffness, ln damping, ln friction and clearance (m); `here` is the contact in `state`, and
+    `work` (8, 6) is scratch.
+    """
+    more = 1.0 + LOG_STEP
+    vary_candidates(model, candidates, more, 1.0, 1.0, 0.0, work)
+    set_slope(here, contact_force(model, work, state), LOG_STEP, slopes, 5)
+    vary_candidates(model, candidates, 1.0, more, 1.0, 0.0, work)
+    set_slope(here, contact_force(varied(model, more, 0.0), work, state), LOG_STEP, slopes, 6)
+    vary_candidates(model, candidates, 1.0, 1.0, more, 0.0, work)
+    set_slope(here, contact_force(model, work, state), LOG_STEP, slopes, 7)
+    vary_candidates(model, candidates, 1.0, 1.0, 1.0, PLACE_STEP, work)
+    set_slope(here, contact_force(varied(model, 1.0, PLACE_STEP), work, state), PLACE_STEP, slopes, 8)
+
+
+@kernel
+def set_slope(here: Contact, there: Contact, step: float, slopes: np.ndarray, column: int) -> None:
+    """Set one column of `slopes` (5, n) to the difference of two contacts over `step`."""
+    slopes[0, column] = (there.moment_x - here.moment_x) / step
+    slopes[1, column] = (there.moment_y - here.moment_y) / step
+    slopes[2, column] = (there.force_x - here.force_x) / step
+    slopes[3, column] = (there.force_y - here.force_y) / step
+    slopes[4, column] = (there.ring_torque - here.ring_torque) / step
 
 
 @kernel
@@ -115,3 +143,16 @@ def add_row(model: Model, slope: np.ndarray, scale: float, row: np.ndarray) -> N
         row[HOUSE + axis] -= scale * slope[axis]
         row[HOUSE_RATE + axis] -= scale * slope[2 + axis]
     row[RING] += scale * slope[4]
+
+
+@kernel
+def add_parameters(model: Model, slopes: np.ndarray, inputs: np.ndarray) -> None:
+    """Set the contact parameters' columns of `inputs` (DYNAMIC, INPUTS) from their `slopes` (5, 9)."""
+    spins = ring_radius(model) > 0.0
+    for parameter in range(CONTACT_PARAMETERS):
+        column, slope = FREE_INPUTS + parameter, 5 + parameter
+        for axis in range(2):
+            inputs[TILT_RATE + axis, column] = slopes[axis, slope] / model.rotor.inertia
+            inputs[HOUSE_RATE + axis, column] = -slopes[2 + axis, slope] / house_mass(model, axis)
+        if spins:
+            inputs[RING, column] = slopes[4, slope] / model.backup_bearing.ring_inertia

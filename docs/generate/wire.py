@@ -5,7 +5,8 @@ import re
 from pathlib import Path
 
 import daq.messages
-import twin.observer
+import twin.estimate
+import twin.outputs
 from daq.backends.emulator import Emulator
 from daq.keys import TOPICS, Delivery
 from docs.generate.markdown import table, wrapped
@@ -54,7 +55,7 @@ def block_flags() -> str:
 
 def estimate_flags() -> str:
     """Return the flags that an estimate has beside them."""
-    return flags(twin.observer.__file__, "EstimateStatus")
+    return flags(twin.estimate.__file__, "EstimateStatus")
 
 
 def flags(source: str, name: str) -> str:
@@ -72,9 +73,10 @@ def flags(source: str, name: str) -> str:
 
 
 def estimate_channels() -> str:
-    """Return the channels of an estimate, without the residuals."""
-    rows = [[f"`{name}`", unit] for name, unit in twin.observer.OUTPUTS.items()]
-    return table(("channel", "unit"), rows)
+    """Return the channels of an estimate, without pins and residuals."""
+    bands = {name: f"`{name}_sigma`" for name in twin.outputs.BANDS}
+    rows = [[f"`{name}`", unit, bands.get(name, "")] for name, unit in twin.outputs.OUTPUTS.items()]
+    return table(("channel", "unit", "standard deviation"), rows)
 
 
 def truth_channels() -> str:

@@ -1,5 +1,6 @@
 """Runs of the emulated rig, with their truth, straight from the unpaced emulator."""
 
+from dataclasses import replace
 from math import tau
 from typing import NamedTuple
 
@@ -21,25 +22,37 @@ class EmulatedRun(NamedTuple):
     truth: dict[str, np.ndarray]
 
 
-def emulate(rig: Rig, plan: Plan | str, seconds: float | None = None) -> EmulatedRun:
-    """Perform a plan (or its TOML text) on the emulated rig, for its whole length or for `seconds`."""
+def emulate(rig: Rig, plan: Plan | str, seconds: float | None = None, oversampling: int = 1) -> EmulatedRun:
+    """Perform a plan (or its TOML text) on the emulated rig, for its whole length or for `seconds`.
+
+    With `oversampling` the rig is simulated at that many times the sensors' rate.
+    """
     if isinstance(plan, str):
         plan = plan_from_text(plan, rig)
-    device, runner = Emulator(paced=False), PlanRunner(plan, rig)
-    rate, block = rig.acquisition.rate, rig.acquisition.block
-    device.open(rig)
+    fine = finer(rig, oversampling)
+    device, runner = Emulator(paced=False), PlanRunner(plan, fine)
+    rate, block = fine.acquisition.rate, fine.acquisition.block
+    device.open(fine)
     device.start()
-    count = int((plan.expected_duration(rig) if seconds is None else seconds) * rate) // block
+    count = int((plan.expected_duration(fine) if seconds is None else seconds) * rate) // block
     blocks, truth = [], []
     for _ in range(count):
-        perform(device, runner, rig)
+        perform(device, runner, fine)
         values = np.empty((len(rig.channels), block))
         reading = device.read(values)
         rig.channels.calibrate(values, values)
-        blocks.append(series_of(rig, reading.first_sample, values))
-        truth.append(device.truth().copy())
+        first = reading.first_sample // oversampling
+        blocks.append(series_of(rig, first, values[:, ::oversampling]))
+        truth.append(device.truth()[:, ::oversampling].copy())
     rows = np.concatenate(truth, axis=1)
     return EmulatedRun(rig, blocks, dict(zip(device.truth_names, rows, strict=True)))
+
+
+def finer(rig: Rig, times: int) -> Rig:
+    """Return the rig sampled so many times as often, in blocks of the same duration."""
+    taken = rig.acquisition
+    more = {"rate": taken.rate * times, "read": taken.read * times, "block": taken.block * times}
+    return replace(rig, acquisition=taken._replace(**more)) if times > 1 else rig
 
 
 def perform(device: Emulator, runner: PlanRunner, rig: Rig) -> None:

@@ -5,15 +5,35 @@ import pytest
 from scipy.linalg import expm
 
 from daq.rig import load_rig
+from simulator.candidates import candidates_of
 from simulator.contact import contact_force
 from simulator.dynamics import derivatives
 from simulator.state import Inputs, State
 from tests.simulator.rigs import candidates
 from twin.correction import correct
-from twin.layout import DYNAMIC, INPUTS
-from twin.linear import congruence, discretise, multiply
+from twin.layout import (
+    CLEARANCE,
+    DAMPING,
+    DYNAMIC,
+    FREE_INPUTS,
+    INPUTS,
+    MAGNET_DAMPING,
+    MAGNET_STIFFNESS,
+    SIZE,
+    STIFFNESS,
+    new_memory,
+)
+from twin.linear import carry, discretise, multiply
 from twin.observer import bare
-from twin.slopes import add_contact, contact_slopes, free_rates, input_rates
+from twin.parameters import adjusted, bound
+from twin.slopes import (
+    add_contact,
+    add_parameters,
+    contact_slopes,
+    free_rates,
+    input_rates,
+    parameter_slopes,
+)
 from twin.tracking import lock, track
 
 STEP = 4e-5
@@ -43,10 +63,11 @@ def test_products_skip_nothing_that_matters():
 
 def test_a_covariance_stays_symmetric():
     draw = np.random.default_rng(2)
-    transition, root = draw.normal(size=(2, 6, 6))
+    top, root = draw.normal(size=(4, 6)), draw.normal(size=(6, 6))
     covariance = root @ root.T
-    expected = transition @ covariance @ transition.T
-    congruence(transition, covariance, np.empty((2, 6, 6)))
+    whole = np.vstack((top, np.eye(6)[4:]))
+    expected = whole @ covariance @ whole.T
+    carry(top, covariance, np.empty((4, 6)), np.empty((6, 4)), np.empty((4, 4)))
     assert covariance == pytest.approx(expected)
     assert (covariance == covariance.T).all()
 
@@ -54,16 +75,18 @@ def test_a_covariance_stays_symmetric():
 @pytest.mark.parametrize(("depth", "doublings"), [(-1e-3, 1), (5e-5, 3), (4e-4, 6)])
 def test_a_tick_is_the_matrix_exponential(model, depth, doublings):
     rates, inputs = np.empty((DYNAMIC, DYNAMIC)), np.empty((DYNAMIC, INPUTS))
+    places, slopes = candidates(model, 2.1), np.empty((5, 9))
     free_rates(model, 80.0, rates)
     input_rates(model, inputs)
-    slopes = np.empty((5, 5))
-    contact_slopes(model, candidates(model, 2.1), pressed(depth), slopes)
+    here = contact_slopes(model, places, pressed(depth), slopes)
+    parameter_slopes(model, places, pressed(depth), here, slopes, np.empty((8, 6)))
     add_contact(model, slopes, rates)
+    add_parameters(model, slopes, inputs)
     flow = np.empty((DYNAMIC, DYNAMIC + INPUTS))
     discretise(rates, inputs, STEP, doublings, flow, np.empty((2, DYNAMIC, DYNAMIC + INPUTS)))
     whole = np.zeros((DYNAMIC + INPUTS, DYNAMIC + INPUTS))
     whole[:DYNAMIC, :DYNAMIC], whole[:DYNAMIC, DYNAMIC:] = rates, inputs
-    scale = np.array([1.0] * 2 + [1e2] * 2 + [1e-3] * 2 + [1.0] * 2 + [1e3] + [1.0] * INPUTS)
+    scale = np.array([1.0] * 2 + [1e2] * 2 + [1e-3] * 2 + [1.0] * 2 + [1e3] + [1.0] * (INPUTS - 1) + [1e-6])
     expected = expm(whole * STEP)[:DYNAMIC]
     assert flow / scale[:DYNAMIC, None] * scale == pytest.approx(
         expected / scale[:DYNAMIC, None] * scale, rel=5e-3, abs=1e-5
@@ -73,7 +96,7 @@ def test_a_tick_is_the_matrix_exponential(model, depth, doublings):
 def test_the_rates_are_those_of_the_simulator(model):
     """Compare each column of the matrix with differences of the simulator's derivatives, in contact."""
     here, inputs, places = pressed(8e-5), Inputs(0.0, 0.0, 0.0, 0.0), candidates(model, 2.1)
-    rates, slopes = np.empty((DYNAMIC, DYNAMIC)), np.empty((5, 5))
+    rates, slopes = np.empty((DYNAMIC, DYNAMIC)), np.empty((5, 9))
     free_rates(model, here.speed, rates)
     assert contact_slopes(model, places, here, slopes) == contact_force(model, places, here)
     add_contact(model, slopes, rates)
@@ -86,6 +109,52 @@ def test_the_rates_are_those_of_the_simulator(model):
         expected = change[:DYNAMIC] / step
         scale = np.abs(rates[:, column]).max()
         assert rates[:, column] == pytest.approx(expected, rel=0.02, abs=1e-3 * scale)
+
+
+def test_the_parameters_act_as_in_the_simulator(model):
+    """Compare each parameter's column with differences of the simulator's derivatives, in contact."""
+    here, inputs, places = pressed(8e-5), Inputs(0.0, 0.0, 0.0, 0.0), candidates(model, 2.1)
+    columns, slopes = np.zeros((DYNAMIC, INPUTS)), np.empty((5, 9))
+    force = contact_slopes(model, places, here, slopes)
+    parameter_slopes(model, places, here, force, slopes, np.empty((8, 6)))
+    add_parameters(model, slopes, columns)
+    for index, step in ((0, 1e-4), (1, 1e-4), (2, 1e-4), (3, 1e-8)):
+        memory = new_memory()
+        memory.described[:] = places
+        memory.state[STIFFNESS + index] = step
+        changed = adjusted(model, memory)
+        change = np.subtract(
+            derivatives(changed, memory.candidates, inputs, here),
+            derivatives(model, places, inputs, here),
+        )
+        expected = change[:DYNAMIC] / step
+        scale = np.abs(expected).max()
+        assert columns[:, FREE_INPUTS + index] == pytest.approx(expected, rel=0.01, abs=1e-4 * scale)
+
+
+@pytest.mark.parametrize("rig", ["thesis-ball", "thesis-plain", "thesis-pinned"])
+def test_a_model_without_changes_is_the_described_one(rig):
+    described, memory = bare(load_rig(rig).model), new_memory()
+    memory.described[:] = candidates_of(described)
+    assert adjusted(described, memory) == described
+    assert memory.candidates.tobytes() == memory.described.tobytes()
+    changes = {CLEARANCE: 1e-5, STIFFNESS: np.log(1.1), MAGNET_STIFFNESS: 0.02, MAGNET_DAMPING: -0.2}
+    for index, value in changes.items():
+        memory.state[index] = value
+    changed = adjusted(described, memory)
+    bearing = described.backup_bearing
+    stiffer = bearing._replace(clearance=bearing.clearance + 1e-5, stiffness=1.1 * bearing.stiffness)
+    expected = candidates_of(described._replace(backup_bearing=stiffer))
+    assert memory.candidates == pytest.approx(expected)
+    assert changed.backup_bearing.clearance == stiffer.clearance
+    assert changed.magnetic_bearing == pytest.approx((1.02 * 2090.0, 0.8 * 1.5))
+
+
+def test_parameters_beyond_belief_are_held_at_its_bounds(model):
+    state = np.zeros(SIZE)
+    state[STIFFNESS], state[DAMPING], state[CLEARANCE], state[MAGNET_STIFFNESS] = 5.0, -5.0, 1.0, -5.0
+    bound(model, state)
+    assert state[STIFFNESS:] == pytest.approx([1.2, -1.2, 0.0, 0.75e-3, -1.0, 0.0])
 
 
 def test_a_scalar_correction_is_kalmans():

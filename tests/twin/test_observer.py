@@ -9,7 +9,8 @@ from analysis.impacts import Comparison, compare_impacts, correlation, find_impa
 from daq.plan import load_plan
 from daq.rig import RigError, load_rig
 from tests.twin.emulated import EmulatedRun, emulate, run_up
-from twin.observer import STRIDE, Estimated, EstimateStatus, Observer
+from twin.estimate import STRIDE, Estimated, EstimateStatus
+from twin.observer import Observer
 
 ACTUAL = "emulator.actual.rotor"
 SETTLED = 0.3  # s
