@@ -25,8 +25,8 @@ from daq.settings import (
     SafeStateSettings,
     TwinSettings,
 )
-from simulator.checks import check_model
-from simulator.faults import Fault, check_fault, damaged, of_rig, schedule
+from simulator.checks import check_bearing, check_model
+from simulator.faults import Fault, check_fault, damaged_at, edges, of_rig, schedule
 from simulator.rig import Model, Solenoid, model_from_mapping
 from simulator.unbalance import UnbalanceMass, with_masses
 from simulator.validation import NAME, RigError, nearest, tuple_at
@@ -344,6 +344,11 @@ def _check_faults(rig: Rig) -> None:
             raise RigError(f"[[emulator.fault]] channel = {fault.channel} is no channel of the rig{known}")
     ours = [fault for fault in rig.faults if of_rig(fault)]
     if ours:
-        model = rig.emulated_model
-        for _, fault in schedule(ours, rig.acquisition.rate):
-            model = damaged(model, fault)
+        spans = schedule(ours, rig.acquisition.rate)
+        for sample in edges(spans):
+            bearing = damaged_at(rig.emulated_model, spans, sample).backup_bearing
+            try:
+                check_bearing(bearing)
+            except RigError as error:
+                seconds = sample / rig.acquisition.rate
+                raise RigError(f"[[emulator.fault]] from {seconds:g} s on: {error}") from error

@@ -1,6 +1,6 @@
 """What goes wrong with the emulated rig, its sensors and its device, and when: data, for runs that repeat."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from enum import IntEnum
 from typing import Annotated, NamedTuple
 
@@ -31,7 +31,7 @@ class FaultKind(IntEnum):
 
 
 class Fault(NamedTuple):
-    """A row `[[emulator.fault]]`: from a moment on, to the end of the run unless its size is a length."""
+    """A row `[[emulator.fault]]`: from a moment on, for a while or to the end of the run."""
 
     kind: FaultKind
     at: Annotated[float, Quantity("s", 0.0, 1e7, "when it begins, from the first sample on")]
@@ -41,7 +41,22 @@ class Fault(NamedTuple):
         float, Quantity("deg", -360.0, 360.0, "of the unbalance added, or of the runout's largest reading")
     ] = 0.0
     pin: Annotated[int, Quantity("1", 1, MOST_PINS, "number of the worn pin")] = 1
+    duration: Annotated[
+        float | None, Quantity("s", 1e-6, 1e7, "how long it lasts; to the end of the run without one")
+    ] = None
     name: NAME = "fault"
+
+
+class Span(NamedTuple):
+    """A fault with its samples: from `begin` on, up to and without `end`."""
+
+    begin: int
+    end: int
+    fault: Fault
+
+    def acts(self, sample: int) -> bool:
+        """Tell whether the fault acts at a sample."""
+        return self.begin <= sample < self.end
 
 
 SIZES = {
@@ -64,6 +79,9 @@ MOST_SAMPLES = 1_000_000
 MOST_DRIFT = 100_000.0  # ppm
 IN_SAMPLES = (FaultKind.SKEW, FaultKind.DROPPED, FaultKind.REPEATED)
 POSITIVE = (FaultKind.NOISE, FaultKind.RUNOUT, FaultKind.LATE)
+ONCE = (FaultKind.DROPPED, FaultKind.REPEATED, FaultKind.LATE, FaultKind.UNPLUGGED)
+"""Kinds without a duration: their size says how long they last, or nothing follows."""
+NEVER = 2**62  # sample at which a fault without a duration ends
 
 
 def of_sensor(fault: Fault) -> bool:
@@ -90,6 +108,13 @@ def check_fault(fault: Fault) -> None:
         raise RigError(f"{place} needs size: {SIZES[FaultKind(fault.kind)]}")
     if fault.kind not in SIZES and fault.size is not None:
         raise RigError(f"{place} has no size; leave it out")
+    if fault.kind in ONCE and fault.duration is not None:
+        raise RigError(f"{place} has no duration; leave it out")
+    check_size(fault, place)
+
+
+def check_size(fault: Fault, place: str) -> None:
+    """Refuse a size that a fault of its kind cannot have. Raises `RigError`."""
     size = fault.size or 0.0
     if fault.kind in IN_SAMPLES and not (0.0 <= size <= MOST_SAMPLES and size == int(size)):
         raise RigError(f"{place} size = {size:g} must be a whole number of samples from 0 to {MOST_SAMPLES}")
@@ -99,9 +124,37 @@ def check_fault(fault: Fault) -> None:
         raise RigError(f"{place} size = {size:g} must not be negative")
 
 
-def schedule(faults: Sequence[Fault], rate: float) -> list[tuple[int, Fault]]:
-    """Return (sample, fault) in the order in which they come; equal samples keep the faults' order."""
-    return sorted(((round(fault.at * rate), fault) for fault in faults), key=lambda entry: entry[0])
+def schedule(faults: Iterable[Fault], rate: float) -> list[Span]:
+    """Return the faults in the order in which they begin; of equal samples in theirs. Raises `RigError`.
+
+    `rate` is samples a second.
+    """
+    return sorted((span_of(fault, rate) for fault in faults), key=lambda span: span.begin)
+
+
+def span_of(fault: Fault, rate: float) -> Span:
+    """Return a fault with its samples. Raises `RigError` when it has none."""
+    begin = round(fault.at * rate)
+    end = NEVER if fault.duration is None else round((fault.at + fault.duration) * rate)
+    if end <= begin:
+        raise RigError(
+            f'[[emulator.fault]] kind = "{written(FaultKind(fault.kind))}" duration = {fault.duration:g} s '
+            f"is over within a sample, which takes {1.0 / rate:g} s; give more"
+        )
+    return Span(begin, end, fault)
+
+
+def edges(spans: Iterable[Span]) -> list[int]:
+    """Return the samples at which a fault begins or ends, in order, each once."""
+    return sorted({sample for span in spans for sample in (span.begin, span.end) if sample < NEVER})
+
+
+def damaged_at(model: Model, spans: Iterable[Span], sample: int) -> Model:
+    """Return the model with what acts on it at a sample. Raises `RigError` when it cannot have it."""
+    for span in spans:
+        if span.acts(sample):
+            model = damaged(model, span.fault)
+    return model
 
 
 def damaged(model: Model, fault: Fault) -> Model:

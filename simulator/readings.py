@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator.compile import kernel
-from simulator.faults import Fault, FaultKind, schedule
+from simulator.faults import Fault, FaultKind, Span, edges, schedule
 from simulator.instruments import Probe
 from simulator.numeric import sine_cosine
 from simulator.rig import RigError
@@ -36,8 +36,9 @@ class Readings:
         self.rate = rate
         self.seed = seed
         names = [channel.name for channel in self.channels]
-        self._rows = [row_of(fault, names, table) for _, fault in schedule(faults, rate)]
-        self._faults = schedule(faults, rate)
+        self._spans = schedule(faults, rate)
+        self._edges = edges(self._spans)
+        self._rows = [row_of(span.fault, names, table) for span in self._spans]
         self._memory = sum(map(lag_of, faults))  # samples of the past that are needed
         self._past: Signals | None = None
         self._held: dict[int, float] = {}  # reading of a stuck channel, by fault
@@ -47,7 +48,7 @@ class Readings:
 
         Column 0 is sample `first_sample`. With faults, samples must be read in order and without a gap.
         """
-        if not self._faults:
+        if not self._spans:
             return read_sensors(self.table, signals, first_sample, self.seed, raw)
         count = signals.shape[1]
         if not count:
@@ -55,8 +56,7 @@ class Readings:
         if self._past is None:
             self._past = np.repeat(signals[:, :1], self._memory, axis=1)
         known = np.concatenate((self._past, signals), axis=1)
-        edges = {sample - first_sample for sample, _ in self._faults if 0 < sample - first_sample < count}
-        begins = [0, *sorted(edges)]
+        begins = [0, *(edge - first_sample for edge in self._edges if 0 < edge - first_sample < count)]
         clipped = False
         for begin, end in zip(begins, [*begins[1:], count], strict=True):
             clipped = self._part(known, begin, end, first_sample + begin, raw) or clipped
@@ -65,12 +65,12 @@ class Readings:
 
     def miss(self, signals: Signals, first_sample: int) -> None:
         """Take note of samples that nobody reads, so that the next reading follows without a gap."""
-        if self._faults:
+        if self._spans:
             self.read(signals, first_sample, np.empty((len(self.channels), signals.shape[1])))
 
     def _part(self, known: Signals, begin: int, end: int, first_sample: int, raw: Signals) -> bool:
         """Fill the columns from `begin` to `end`, through which the same faults act."""
-        active = [index for index, (sample, _) in enumerate(self._faults) if sample <= first_sample]
+        active = [index for index, span in enumerate(self._spans) if span.acts(first_sample)]
         signals = known[:, self._memory + begin : self._memory + end]
         table, rows = self._disturbed(known, begin, end, first_sample, active)
         part = np.empty((len(self.channels), end - begin))
@@ -89,21 +89,21 @@ class Readings:
         table = SensorTable(*(column.copy() for column in self.table))
         rows: list[Signals] = []
         for channel in dict.fromkeys(self._rows[index] for index in active):
-            faults = [self._faults[index] for index in active if self._rows[index] == channel]
-            lag = sum(lag_of(fault) for _, fault in faults)
+            spans = [self._spans[index] for index in active if self._rows[index] == channel]
+            lag = sum(lag_of(span.fault) for span in spans)
             seen = known[:, self._memory + begin - lag : self._memory + end - lag]
             row = len(known) + len(rows)
             if table.kind[channel] != VOLTS:
                 table.row_a[channel] = row
                 rows.append(seen[self.table.row_a[channel]][np.newaxis])
                 continue
-            rows.append(self._volts(channel, faults, seen, known, begin, first_sample)[np.newaxis])
+            rows.append(self._volts(channel, spans, seen, known, begin, first_sample)[np.newaxis])
             table.row_a[channel] = table.row_b[channel] = row
             table.gain_a[channel], table.gain_b[channel], table.offset[channel] = 1.0, 0.0, 0.0
             added = sum(
-                (self._scale(channel) * (fault.size or 0.0)) ** 2
-                for _, fault in faults
-                if fault.kind == FaultKind.NOISE
+                (self._scale(channel) * (span.fault.size or 0.0)) ** 2
+                for span in spans
+                if span.fault.kind == FaultKind.NOISE
             )
             table.noise[channel] = sqrt(table.noise[channel] ** 2 + added)
         return table, rows
@@ -111,7 +111,7 @@ class Readings:
     def _volts(
         self,
         channel: int,
-        faults: list[tuple[int, Fault]],
+        spans: list[Span],
         seen: Signals,
         known: Signals,
         begin: int,
@@ -125,7 +125,7 @@ class Readings:
             + table.gain_b[channel] * seen[table.row_b[channel]]
             + offset
         )
-        for onset, fault in faults:
+        for onset, _, fault in spans:
             size = fault.size or 0.0
             if fault.kind == FaultKind.GAIN:
                 volts = offset + size * (volts - offset)
@@ -144,7 +144,7 @@ class Readings:
 
     def _replace(self, index: int, part: Signals) -> bool:
         """Put in place what no longer depends on the sensor; return whether that is out of range."""
-        fault, channel = self._faults[index][1], self._rows[index]
+        fault, channel = self._spans[index].fault, self._rows[index]
         if fault.kind == FaultKind.STUCK:
             part[channel] = self._held.setdefault(index, part[channel, 0])
         if fault.kind == FaultKind.OPEN:

@@ -9,7 +9,7 @@ from simulator.candidates import DAMPING_FACTOR, candidates_of, for_kernels
 from simulator.checks import check_bearing
 from simulator.drive import set_point
 from simulator.equilibrium import static_state
-from simulator.faults import Fault, damaged, schedule
+from simulator.faults import Fault, damaged_at, edges, schedule
 from simulator.flight_table import flight_at
 from simulator.rig import (
     DampingMode,
@@ -35,12 +35,13 @@ class Simulation:
 
     `model` holds the rig's parameters, `rate` the samples a second, `state` (12,) the state at sample 0 in
     the order of `STATE`; without one the shaft hangs still at its static equilibrium. `faults` are those of
-    the rig, each of which changes the model at its sample. Equal calls at equal samples give equal bytes,
+    the rig, each of which changes the model while it acts. Equal calls at equal samples give equal bytes,
     however `advance` is divided. Raises `RigError` for a model that cannot be simulated.
 
-    Attributes: `sample`, the index of the next sample; `state` (12,), the state at that sample;
-    `damping_factors` (8,), s/m, of the contact's candidates, which with `state` makes a complete snapshot;
-    `candidates` (8, 6), of which those are a part, see `simulator.candidates`;
+    Attributes: `model`, as it is at present, and `whole`, as it is without faults; `sample`, the index of
+    the next sample; `state` (12,), the state at that sample; `damping_factors` (8,), s/m, of the contact's
+    candidates, which with `state` makes a complete snapshot; `candidates` (8, 6), of which those are a part,
+    see `simulator.candidates`;
     `beyond_pins`, whether the shaft has been behind the pins, where the model has no wall.
     """
 
@@ -51,7 +52,8 @@ class Simulation:
         state: np.ndarray | None = None,
         faults: Sequence[Fault] = (),
     ):
-        self.model = checked(model)
+        self.whole = checked(model)
+        self.model = self.whole
         self.rate = positive(rate, "rate", "samples a second")
         self.tick = tick_of(self.model, 1.0 / self.rate)
         self.sample = 0
@@ -62,6 +64,7 @@ class Simulation:
         self._pulses = np.empty((0, PULSE_FIELDS))
         self._flight = flight_at(self.model, self.tick, self.state[10])
         self._faults = schedule(faults, self.rate)
+        self._edges = edges(self._faults)
 
     @property
     def damping_factors(self) -> np.ndarray:
@@ -85,14 +88,19 @@ class Simulation:
         while column < count:
             self._perform_faults()
             end = count
-            if self._faults:
-                end = min(end, column + self._faults[0][0] - self.sample)
+            if self._edges:
+                end = min(end, column + self._edges[0] - self.sample)
             self._run(truth, column, end)
             column = end
 
     def change(self, model: Model) -> None:
-        """Go on with another model of the rig from the next sample on. Raises `RigError`."""
-        self.model = checked(model)
+        """Go on with another model of the rig, and its faults, from the next sample on. Raises `RigError`."""
+        self.whole = checked(model)
+        self._damage()
+
+    def _damage(self) -> None:
+        """Let the model be that of the rig with what acts on it now."""
+        self.model = checked(damaged_at(self.whole, self._faults, self.sample))
         self.tick = tick_of(self.model, 1.0 / self.rate)
         self._flight = flight_at(self.model, self.tick, self._ramp[1])
         latched = self.damping_factors.copy()
@@ -123,9 +131,11 @@ class Simulation:
         self._pulses = np.empty((0, PULSE_FIELDS))
 
     def _perform_faults(self) -> None:
-        """Let the faults happen whose sample has come."""
-        while self._faults and self._faults[0][0] <= self.sample:
-            self.change(damaged(self.model, self._faults.pop(0)[1]))
+        """Let the faults begin and end whose sample has come."""
+        due = sum(edge <= self.sample for edge in self._edges)
+        if due:
+            del self._edges[:due]
+            self._damage()
 
     def _run(self, truth: np.ndarray, begin: int, end: int) -> None:
         """Fill the columns from `begin` to `end`."""

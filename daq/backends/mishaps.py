@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.backend import BackendError, Reading
-from simulator.faults import Fault, FaultKind, schedule
+from simulator.faults import Fault, FaultKind, Span, edges, schedule
 
 TIMING = (FaultKind.LATE, FaultKind.CLOCK_DRIFT)
 """Faults that a device which does not live by the host's clock cannot have."""
@@ -25,19 +25,26 @@ class DeviceClock:
         self.origin = origin  # s at which sample 0 would have been at the present pace
         self.pace = rate
         drifts = [fault for fault in faults if fault.kind == FaultKind.CLOCK_DRIFT]
-        self._drifts = schedule(drifts, rate)
+        spans = schedule(drifts, rate)
+        self._paces = [(sample, pace_at(spans, sample)) for sample in edges(spans)]
         self._rate = rate
 
     def samples(self, now: float) -> int:
         """Return the number of samples taken until `now` (s of the host's clock)."""
         taken = (now - self.origin) * self.pace
-        while self._drifts and taken >= self._drifts[0][0]:
-            sample, fault = self._drifts.pop(0)
+        while self._paces and taken >= self._paces[0][0]:
+            sample, pace = self._paces.pop(0)
             then = self.origin + sample / self.pace
-            self.pace = self._rate * (1.0 + 1e-6 * (fault.size or 0.0))
+            self.pace = self._rate * pace
             self.origin = then - sample / self.pace
             taken = (now - self.origin) * self.pace
         return int(taken)
+
+
+def pace_at(spans: Sequence[Span], sample: int) -> float:
+    """Return how many times too fast a clock runs at a sample; of drifts that overlap the last one counts."""
+    sizes = [span.fault.size or 0.0 for span in spans if span.acts(sample)]
+    return 1.0 + 1e-6 * (sizes[-1] if sizes else 0.0)
 
 
 class Mishaps:
@@ -77,7 +84,7 @@ class Mishaps:
             BackendError: it was unplugged.
         """
         while self._schedule and self._schedule[0][0] <= sample:
-            onset, fault = self._schedule[0]
+            onset, _, fault = self._schedule[0]
             if fault.kind == FaultKind.UNPLUGGED:
                 raise BackendError(f"the emulated device was unplugged at sample {onset}")
             if fault.kind == FaultKind.REPEATED:

@@ -16,7 +16,7 @@ from simulator.unbalance import UnbalanceMass, with_masses, with_unbalance
 from tests.simulator.rigs import changed, hanging, ideal, model_of, signals
 
 RIG = load_rig("thesis-ball")
-ONSET = 1003  # samples
+ONSET, END = 1003, 1800  # samples
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +96,61 @@ def test_faults_are_the_same_bytes_however_they_are_read(truth):
     assert (whole != read(truth)).any(axis=1).sum() >= 4
     for chunk in (1, 50, 999):
         assert np.array_equal(whole, read(truth, *faults, chunk=chunk))
+
+
+@pytest.mark.parametrize(
+    ("kind", "size"),
+    [
+        (FaultKind.GAIN, 0.9),
+        (FaultKind.DRIFT, 2e-3),
+        (FaultKind.RUNOUT, 1e-5),
+        (FaultKind.NOISE, 1e-5),
+        (FaultKind.SKEW, 40),
+        (FaultKind.STUCK, None),
+        (FaultKind.OPEN, None),
+    ],
+)
+def test_a_sensor_s_fault_that_ends_is_the_same_until_then_and_leaves_no_trace(truth, kind, size):
+    lasting = fault(kind, "proximity_y", size)
+    passing = lasting._replace(duration=(END - ONSET) / 25000.0)
+    whole, bad, found = read(truth), read(truth, lasting), read(truth, passing)
+    assert np.array_equal(found[:, :END], bad[:, :END])
+    assert np.array_equal(found[:, END:], whole[:, END:])
+    assert not np.array_equal(found, whole)
+    assert np.array_equal(found, read(truth, passing, chunk=77))
+
+
+def test_a_magnet_that_comes_back_lifts_the_rotor_again():
+    model, passing = ideal("ball"), Fault(FaultKind.MAGNET_LOST, 0.1, duration=0.3)
+    found = []
+    for chunk in (2500, 333):
+        simulation, parts = Simulation(model, state=hanging(model, 6.0), faults=[passing]), []
+        while simulation.sample < 150_000:
+            parts.append(signals_for(min(chunk, 150_000 - simulation.sample)))
+            simulation.advance(parts[-1])
+        found.append(np.concatenate(parts, axis=1))
+        assert simulation.model == simulation.whole
+    assert np.array_equal(*found)
+    assert found[0][13, 2500:10_000].max() > 30.0  # it has fallen
+    whole = signals(Simulation(model, state=hanging(model, 6.0)), 6.0)
+    # Freely decaying: zeta 0.023 at 10 Hz leaves exp(-7.2) of at most the clearance after 5 s.
+    last = np.s_[:2, -2500:]
+    assert abs(found[0][last] - whole[last]).max() < 2e-3 * 1.5e-3 / 0.211
+
+
+def test_pins_wear_each_by_itself_and_one_is_mended():
+    model = ideal("pinned")
+    faults = [
+        Fault(FaultKind.WORN_PIN, 0.01, 1e-4, pin=2),
+        Fault(FaultKind.WORN_PIN, 0.02, 2e-4, pin=4, duration=0.02),
+        Fault(FaultKind.WORN_PIN, 0.03, 3e-4, pin=2),
+    ]
+    simulation, wears = Simulation(model, faults=faults), []
+    for _ in range(5):
+        signals(simulation, 0.01)
+        signals(simulation, 4e-5)  # a fault begins with its first sample
+        wears.append({pin.number: pytest.approx(pin.wear) for pin in simulation.model.backup_bearing.pins})
+    assert wears == [{2: 1e-4}, {2: 1e-4, 4: 2e-4}, {2: 4e-4, 4: 2e-4}, {2: 4e-4}, {2: 4e-4}]
 
 
 def test_the_magnet_s_loss_drops_the_rotor_onto_its_bearing():
@@ -197,6 +252,19 @@ BAD = {
     ),
     "too early": ('kind = "magnet-lost"\nat = -1.0', "at = -1 is outside"),
     "no pin": ('kind = "worn-pin"\nat = 1.0\nsize = 1e-4', "needs a pinned one"),
+    "no gap left under a pin": (
+        'kind = "worn-pin"\nat = 1.0\nsize = -2e-3\npin = 3',
+        r"\[\[emulator\.fault\]\] from 1 s on: \[backup_bearing\.pin\.3\] wear = -0\.002 m leaves a gap",
+    ),
+    "no time": (
+        'kind = "magnet-lost"\nat = 1.0\nduration = 1e-6',
+        r'kind = "magnet-lost" duration = 1e-06 s is over within a sample, which takes 4e-05 s',
+    ),
+    "time of what is over at once": (
+        'kind = "dropped"\nat = 1.0\nsize = 10\nduration = 1.0',
+        'kind = "dropped" has no duration; leave it out',
+    ),
+    "negative time": ('kind = "magnet-lost"\nat = 1.0\nduration = -1.0', "duration = -1 is outside"),
     "no gap left": ('kind = "clearance-changed"\nat = 1.0\nsize = -2e-3', "it must be above 0"),
 }
 
@@ -204,7 +272,8 @@ BAD = {
 @pytest.mark.parametrize(("rows", "message"), BAD.values(), ids=BAD.keys())
 def test_a_wrong_fault_is_refused(rows, message, tmp_path):
     path = tmp_path / "mine.toml"
-    path.write_text(f'[rig]\nbase = "thesis-ball"\nname = "mine"\n[[emulator.fault]]\n{rows}\n')
+    base = "thesis-pinned" if "pin = 3" in rows else "thesis-ball"
+    path.write_text(f'[rig]\nbase = "{base}"\nname = "mine"\n[[emulator.fault]]\n{rows}\n')
     with pytest.raises(RigError, match=message) as caught:
         load_rig(path)
     assert "\n" not in str(caught.value)
