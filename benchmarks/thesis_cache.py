@@ -38,7 +38,8 @@ class Job(NamedTuple):
         return found
 
 
-NOT_RUN = ("rig.py", "validation.py", "sensors.py", "instruments.py")  # of the simulator: no run needs them
+NOT_RUN = ("rig.py", "checks.py", "validation.py", "sensors.py", "instruments.py")
+"""Files of the simulator that no run needs."""
 
 
 @cache

@@ -125,6 +125,8 @@ def test_a_clock_goes_on_from_where_its_pace_changed():
     clock = DeviceClock(10.0, 1000.0, [Fault(FaultKind.CLOCK_DRIFT, 2.0, 1e5)])
     assert [clock.samples(now) for now in (10.0, 11.9999, 12.00001, 13.00001)] == [0, 1999, 2000, 3100]
     assert clock.samples(20.00001) == 2000 + 8 * 1100
+    clock = DeviceClock(10.0, 1000.0, [Fault(FaultKind.CLOCK_DRIFT, 2.0, 1e5, duration=2.2)])
+    assert [clock.samples(now) for now in (12.00001, 14.00001, 20.00001)] == [2000, 4200, 4200 + 6000]
 
 
 def test_a_good_clock_is_not_complained_of():

@@ -1,5 +1,8 @@
 """The thesis' headline results, quickly; `python -m benchmarks.thesis` compares all of them."""
 
+from math import tau
+
+import numpy as np
 import pytest
 
 from benchmarks import thesis_experiments as experiments
@@ -12,9 +15,12 @@ from benchmarks.thesis_runs import (
     free_decay,
     hits,
     levels,
+    offsets,
     stairs,
     touches_in_ramp,
 )
+from daq.rig import load_rig
+from simulator.simulation import Simulation, signals_for
 
 
 def test_free_decay_is_at_the_published_frequency():
@@ -77,3 +83,27 @@ def test_dropped_rotor_with_a_lifting_coupling_goes_from_the_bottom_to_the_whirl
     whirl = drop(model, 420e-6)
     assert region(whirl) == "III"
     assert 15.0 < whirl.peak < 28.0  # published 20 N
+
+
+@pytest.mark.parametrize(("unbalance", "expected"), [(30e-6, "I"), (420e-6, "III")])
+def test_the_plan_s_drop_ends_as_the_drop_from_rest(unbalance, expected):
+    # The rig's own fault takes the magnet away at 5 s, as the plan `rotor-drop` meets it: at 10 Hz.
+    rig = load_rig("thesis-drop", [f"rotor.unbalance={unbalance}", 'drive.mode="ideal"'])
+    simulation = Simulation(rig.model, faults=rig.faults)
+    simulation.set_speed(tau * 10.0, tau * 10.0)
+    for seconds in (5.0, 15.0, 5.0):
+        truth = signals_for(round(seconds * simulation.rate))
+        simulation.advance(truth)
+        if simulation.sample <= 5.0 * simulation.rate:
+            assert simulation.model.magnetic_bearing.stiffness == 2090.0
+            assert bool(truth[13].any()) == (unbalance > 100e-6)  # the lighter one turns free until then
+    assert simulation.model.magnetic_bearing.stiffness == 0.0
+    orbit = offsets(rig.model, truth)
+    turned = np.unwrap(np.arctan2(orbit[1], orbit[0]))
+    turns = (turned[-1] - turned[0]) / (truth[9, -1] - truth[9, 0])
+    assert (truth[13] > 0.0).mean() > 0.95
+    if expected == "I":
+        assert abs(turns) < 0.05
+        assert (orbit[1] < 0.0).all()
+    else:
+        assert turns == pytest.approx(1.0, abs=0.05)
