@@ -19,9 +19,10 @@ from typing import NamedTuple
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
-from daq import keys, messages_pb2
+from daq import keys, messages_pb2, overview
 from daq.certificate import Certificate, Ledger
 from daq.messages_pb2 import Description
+from daq.overview import Overview
 from daq.recording_reader import (
     CHANNELS,
     FACTS,
@@ -85,6 +86,7 @@ class RecordingWriter:
         self._topics_told = 0
         self._schemas: dict[str, int] = {}
         self._certificate: Certificate | None = None
+        self._overview = Overview()
         self._flushed = time.monotonic()
         self._storage = Storage(Path(path))
         self.path = self._storage.path
@@ -126,6 +128,7 @@ class RecordingWriter:
         if entry is None:
             return
         log_time = self._clock.ns(entry.sample)
+        self._overview.take(key, payload)
         try:
             topic = self._topics.get(key) or self._register(key)
             self._mcap.add_message(topic, log_time, payload, log_time, entry.sequence)
@@ -191,6 +194,7 @@ class RecordingWriter:
         self._certificate = certificate
         try:
             if not self._storage.broken:
+                self.note(overview.RECORD, self._overview.to_metadata())
                 self.note("certificate", certificate.to_metadata())
                 self._mcap.finish()
                 self._storage.mark()

@@ -20,6 +20,7 @@ COMMANDS = (
     "rigtwin.replay_command",
     "rigtwin.recording_commands",
     "rigtwin.note_command",
+    "rigtwin.recordings_command",
     "rigtwin.verify_command",
     "rigtwin.limits_command",
     "rigtwin.export_command",

@@ -29,6 +29,7 @@ PAGES = (
     "how-to/connect-a-device.md",
     "how-to/describe-a-rig.md",
     "how-to/export-a-recording.md",
+    "how-to/find-a-recording.md",
     "how-to/import-lab-data.md",
     "how-to/mend-a-recording.md",
     "how-to/prove-a-recording.md",
