@@ -237,22 +237,6 @@ def test_stock_reader_and_embedded_descriptors_suffice(tmp_path):
     np.testing.assert_array_equal(blocks[3].channels[2].samples, samples(3 * BLOCK, 3, BLOCK)[2])
 
 
-def test_reader_in_rust_counts_the_same_samples(tmp_path):
-    chunk = pytest.importorskip("rerun.chunk")
-    record(tmp_path / "run.mcap", blocks=20)
-    reader = chunk.McapReader(
-        tmp_path / "run.mcap", decoders=["protobuf"], include_topic_regex=["daq/block$"]
-    )
-    count = 0
-    for piece in reader.stream():
-        batch = piece.to_record_batch()
-        for name in batch.schema.names:
-            if name.endswith("Block:message"):
-                for rows in batch.column(name).to_pylist():
-                    count += sum(len(row["channels"][0]["samples"]) for row in rows)
-    assert count == 20 * BLOCK
-
-
 # Files that were cut off or damaged.
 
 
