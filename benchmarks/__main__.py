@@ -15,6 +15,8 @@ SCRIPTS = (
     "processes",
     "protection",
     "recording",
+    "recording",
+    "exports",
     "reading",
     "display",
     "simulator",
