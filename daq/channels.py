@@ -55,6 +55,12 @@ class Channel(NamedTuple):
     ] = 0.0
     anti_alias: bool = False
     stuck: Annotated[float | None, Quantity("s", 1e-4, 600.0, "unchanged for so long, it is not OK")] = None
+    runout: Annotated[
+        float | None, Quantity("m", 0.0, 1.0, "once a turn in a slow roll; for information, not taken off")
+    ] = None
+    runout_deg: Annotated[
+        float | None, Quantity("deg", -360.0, 360.0, "phase of the runout, from the encoder's zero")
+    ] = None
     certificate: str | None = None
     calibrated: datetime.date | None = None
     due: datetime.date | None = None

@@ -5,6 +5,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rigtwin.setup_command import HELP, add_options
+
 if TYPE_CHECKING:
     from daq.rig import Rig
 
@@ -13,7 +15,7 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     """Add `rig` to the command line."""
     parser = commands.add_parser(
         "rig",
-        help="rig descriptions: list, show, check, init, recalibrate",
+        help="rig descriptions: list, show, check, init, setup, recalibrate",
         description="A rig is described by one TOML file. Copy a shipped one with `rigtwin rig init`.",
     )
     verbs = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
@@ -33,6 +35,7 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         "--from", dest="source", default="thesis-ball", metavar="NAME", help="default: thesis-ball"
     )
     init.set_defaults(run=run_init)
+    add_options(verbs.add_parser("setup", help=HELP))
     anew = verbs.add_parser("recalibrate", help="scale a recording anew with other calibrations")
     anew.add_argument("file", type=Path, metavar="FILE", help="recording; it is not changed")
     anew.add_argument(

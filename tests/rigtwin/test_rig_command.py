@@ -165,3 +165,18 @@ def test_check_answers_no_to_a_plan_beyond_the_rig(call, tmp_path):
     assert code == 1
     assert "[[step]] 1 speed_hz = 30 is above 25" in said
     assert json.loads(call("plan", "check", path, "--json")[1])["valid"] is False
+
+
+def test_setup_writes_a_dated_description_and_overwrites_nothing(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["rig", "setup", "thesis-ball"]) == 0
+    (path,) = tmp_path.glob("thesis-ball-2*.toml")
+    said = capsys.readouterr().out
+    assert "clearance: 15" in said
+    assert "solenoid horizontal: moved the shaft by" in said
+    rig = load_rig(path)
+    assert rig.name == path.stem
+    assert "set up on" in rig.description
+    assert not [name for name in rig.solenoid_names if name.startswith("hand")]
+    assert main(["rig", "setup", "thesis-ball"]) == 2
+    assert "exists already" in capsys.readouterr().err
