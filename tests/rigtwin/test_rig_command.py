@@ -10,6 +10,7 @@ import pytest
 from daq.rig import RigError, load_rig, shipped_rigs
 from daq.toml_source import shipped
 from rigtwin import plan_command, rig_command
+from rigtwin.cli import main
 
 
 @pytest.fixture
