@@ -13,8 +13,8 @@ TARGET = HERE.parent / "docs" / "reference" / "figures.md"
 SCRIPTS = (
     "link",
     "processes",
+    "channels",
     "protection",
-    "recording",
     "recording",
     "exports",
     "reading",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from daq import protection
 from daq.answers import Answers
-from daq.backend import Backend, EnableOutput, Output, PastSampleError, Reading, RestOutput, TruthSource
+from daq.backend import Backend, EnableOutput, Output, OutputRefused, Reading, RestOutput, TruthSource
 from daq.commands import CommandError, Commands, Situation
 from daq.continuity import Continuity, DriftWatch
 from daq.envelope import Envelope, EnvelopeError, Present
@@ -167,7 +167,7 @@ class Acquisition:
         sample = self._backend.clock()
         try:
             answer = self._carry_out(command, sample)
-        except (CommandError, EnvelopeError, PastSampleError) as error:
+        except (CommandError, EnvelopeError, OutputRefused) as error:
             answer = Answer(text=str(error), sample=sample)
         self._answers.keep(command.id, answer)
         reply(answer)

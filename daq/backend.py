@@ -23,7 +23,11 @@ class BackendError(RuntimeError):
     """A device that cannot do what was asked: the message names the device, the cause and the remedy."""
 
 
-class PastSampleError(BackendError):
+class OutputRefused(BackendError):
+    """The device does not perform this output, and nothing has happened; it goes on as before."""
+
+
+class PastSampleError(OutputRefused):
     """An output was scheduled for a sample that the device has already passed."""
 
 
@@ -110,7 +114,7 @@ class Backend(Protocol):
 
     @property
     def capabilities(self) -> Capabilities:
-        """What the device can do; known before `open`."""
+        """What the device can do; known before `open`, which may narrow it to what the rig describes."""
 
     def open(self, rig: Rig) -> None:
         """Take and configure the device (rule 1)."""
@@ -153,6 +157,7 @@ class TruthSource(Protocol):
 BACKENDS: dict[str, tuple[str, str]] = {
     "emulator": ("daq.backends.emulator", "Emulator"),
     "emulated-device": ("daq.backends.emulated_device", "EmulatedDevice"),
+    "nidaqmx": ("daq.backends.nidaqmx", "NiDaqmx"),
     "opendaq": ("daq.backends.opendaq", "OpenDaq"),
     "recording": ("daq.backends.recording", "RecordedDevice"),
 }
@@ -198,7 +203,7 @@ def take_rest(output: Output, at_sample: int | None, now: int, device: str) -> i
         device: how messages name it.
     """
     if not isinstance(output, RestOutput):
-        raise BackendError(f"{device} has no outputs: nothing can be moved with it")
+        raise OutputRefused(f"{device} has no outputs: nothing can be moved with it")
     if at_sample is not None and at_sample < now:
         raise PastSampleError(f"sample {at_sample} is too early: the device is at {now}")
     return now

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from daq.acquisition import AT_REST
-from daq.backend import BackendError, EnableOutput, PastSampleError, RestOutput
+from daq.backend import BackendError, EnableOutput, RestOutput
 from daq.backends.emulator import Emulator
 from daq.backends.signals import TRUTH
 from daq.rig import Rig, rig_from_text
@@ -89,9 +89,9 @@ class Device:
             return Reply(refusal=BackendError(self._tripped))
         try:
             return Reply(getattr(self, f"_do_{method}")(*arguments))
-        except PastSampleError as error:
-            return Reply(refusal=PastSampleError(str(error)))
-        except (BackendError, ValueError) as error:
+        except BackendError as error:
+            return Reply(refusal=type(error)(str(error)))
+        except ValueError as error:
             return Reply(refusal=BackendError(str(error)))
 
     def _do_open(self, toml: str) -> None:

@@ -77,7 +77,8 @@ class Service:
         self._control = control
         self._orders = Orders()
         self._outlet = Outlet(data)
-        self._acquisition = Acquisition(rig, backend, self._outlet, run=run)
+        self._run = run
+        self._acquisition: Acquisition  # once the device is open, which tells what it can do
         self._presence = Presence(rig.name, data, control)
         self._told_to_end = False
         self._description = b""
@@ -90,6 +91,7 @@ class Service:
         self._declare()
         follow_parent(self._orders.end)
         self._backend.open(self._rig)
+        self._acquisition = Acquisition(self._rig, self._backend, self._outlet, run=self._run)
         self._control.announce(keys.alive(self._rig.name, PROCESS))
         self._data.announce(keys.alive(self._rig.name, PROCESS))
         self._wait_for(wait_for)

@@ -7,7 +7,6 @@ the sample index follows from them, so that samples which never came are known a
 
 import time
 from collections.abc import Mapping
-from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from daq.backend import BackendError, Capabilities, Output, Reading, RestOutput, address_of, take_rest
 from daq.messages import BlockStatus
+from daq.optional import optional
 from daq.rig import Rig
 from simulator.validation import nearest
 
@@ -52,7 +52,7 @@ class OpenDaq:
 
     def open(self, rig: Rig) -> None:
         """Connect to the device, set its properties and rate, and find the rig's terminals."""
-        self._driver = driver()
+        self._driver = optional("opendaq", "the backend opendaq", "opendaq")
         self._address, properties = device_settings(rig)
         self._instance = self._driver.Instance()
         try:
@@ -188,14 +188,6 @@ class OpenDaq:
                     f"{rate:.9g} Hz: write [acquisition] rate = {true_rate:.9g}, or one that it supports"
                 )
         return ticks
-
-
-def driver() -> Any:
-    """Return the module of openDAQ. Raises `BackendError` when it is not installed."""
-    try:
-        return import_module("opendaq")
-    except ImportError as error:
-        raise BackendError("openDAQ is not installed: pip install 'rigtwin[opendaq]'") from error
 
 
 def device_settings(rig: Rig) -> tuple[str, Mapping[str, Any]]:

@@ -13,6 +13,7 @@ from daq.backends.opendaq import OpenDaq, Samples, run_length, sample_indices
 from daq.conformance import BackendConformance
 from daq.describe import describe
 from daq.messages import BlockStatus
+from daq.optional import MissingPackage
 from daq.recording import Recording, RecordingWriter
 from daq.rig import load_rig
 from tests.conftest import require
@@ -126,7 +127,7 @@ def test_nothing_can_be_moved():
 
 def test_a_missing_driver_names_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "opendaq", None)
-    with pytest.raises(BackendError, match=r"pip install 'rigtwin\[opendaq\]'"):
+    with pytest.raises(MissingPackage, match=r"pip install 'rigtwin\[opendaq\]'"):
         OpenDaq().open(load_rig(NAME))
 
 
