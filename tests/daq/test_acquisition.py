@@ -520,3 +520,32 @@ def test_an_overdue_calibration_is_overridden_by_a_setting_that_the_recording_te
     assert site.ask("arm").accepted
     assert "allow_overdue = true" in rig.toml
     assert site.sink.kinds() == ["start", "warning", "arm"]
+
+
+EMERGENCY_STOP = """
+[[channel]]
+name = "emergency_stop"
+quantity = "contact"
+unit = "1"
+display_unit = "1"
+terminal = "di0"
+sensitivity = 5.0
+offset = 0.0
+range = [0.0, 6.0]
+[[emulator.fault]]
+kind = "open"
+at = 0.6
+channel = "emergency_stop"
+"""
+
+
+def test_an_emergency_stop_is_first_out_and_its_contact_keeps_the_rig_tripped():
+    bench = Bench(rig_from_text(load_rig("thesis-ball").toml + EMERGENCY_STOP)).begin()
+    bench.ask("arm")
+    assert bench.ask("speed", speed_hz=5.0).accepted
+    bench.go(1.5)
+    trip = bench.sink.event("trip")
+    assert (trip.details["cause"], trip.sample) == ("emergency_stop", 15_000 + 49)
+    assert bench.acquisition.first_out == "emergency_stop"
+    assert bench.acquisition.at_rest
+    assert bench.ask("reset").text == "the cause lives: the safety contact emergency_stop is still open"
