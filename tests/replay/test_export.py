@@ -14,6 +14,7 @@ from daq.recording import Recording, RecordingError, RecordingWriter
 from replay.export import export
 from replay.formats import FORMATS
 from replay.formats.matlab import variables
+from replay.pieces import WINDOW, Stretch
 from rigtwin.cli import main
 from tests.daq.recorded_run import BLOCK, NAMES, RATE, T0_NS, UNITS, Maker, description, record, samples
 
@@ -262,6 +263,17 @@ def test_gaps_stay_gaps(suffix, tmp_path, with_gaps):
     order = [found["names"].index(name) for name in NAMES]
     np.testing.assert_array_equal(found["samples"][order], expected(gaps=(GAP, LONG_GAP)))
     assert found["gaps"] == [list(GAP), list(LONG_GAP)]
+
+
+def test_a_long_recording_is_taken_in_pieces(recorded, with_gaps):
+    """What is in memory at a time is bounded, however long the recording or a gap in it."""
+    for path in (recorded, with_gaps):
+        with Stretch(path) as stretch:
+            pieces = list(stretch.pieces())
+        assert len(pieces) > 2
+        assert max(piece.samples.shape[1] for piece in pieces) <= WINDOW + BLOCK
+        firsts = [piece.first_sample for piece in pieces]
+        assert firsts == [0, *np.cumsum([piece.samples.shape[1] for piece in pieces])[:-1]]
 
 
 def test_some_channels_of_a_part(tmp_path, recorded):
