@@ -6,7 +6,7 @@ converter's steps. An encoder's channels count instead. Noise depends on seed, c
 sample index alone, so equal samples are equal however they are read.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import floor, inf, sqrt, tau
 from typing import NamedTuple
 
@@ -15,11 +15,13 @@ import numpy as np
 from simulator.compile import inlined, kernel
 from simulator.instruments import Encoder, Imperfections, Probe
 from simulator.numeric import direction, normal_noise, stream_key
-from simulator.rig import Model, RigError
+from simulator.rig import Model, RigError, Solenoid
 from simulator.state import SIGNALS
 
 VOLTS, ANGLE_COUNTS, TURN_COUNTS = 0, 1, 2
 
+CURRENT = "solenoid_current"
+"""Channel of all solenoids' current together; with `_<name>` behind it, of one solenoid's own."""
 CLOSED = 1.0
 """What a safety contact gives as long as nothing is wrong; a fault `open` opens it."""
 
@@ -61,14 +63,19 @@ def sensor_table(
     encoder: Encoder | None,
     force_per_ampere: float,
     imperfections: Imperfections,
+    solenoids: Sequence[Solenoid] = (),
 ) -> SensorTable:
     """Return the table for the channels of a simulated rig, in their order.
 
-    `force_per_ampere` (N/A) turns the solenoids' force into `solenoid_current`. Raises `RigError` for a
-    channel that the simulation has no signal for.
+    `force_per_ampere` (N/A) turns the solenoids' force into `solenoid_current`. `solenoids` are those whose
+    own force stands in a row of its own behind `SIGNALS`; their channels are `solenoid_current_<name>`.
+    Raises `RigError` for a channel that the simulation has no signal for.
     """
     channels = list(channels)
-    sources = [source_of(channel, model, encoder, force_per_ampere, imperfections) for channel in channels]
+    sources = [
+        own_current(channel, solenoids) or source_of(channel, model, encoder, force_per_ampere, imperfections)
+        for channel in channels
+    ]
     pairs = list(zip(channels, sources, strict=True))
     steps = [converter_step(channel, source, imperfections) for channel, source in pairs]
     return SensorTable(
@@ -88,6 +95,15 @@ def sensor_table(
         step=np.array(steps),
         counts=np.full(len(channels), float(encoder.counts_per_turn) if encoder else inf),
     )
+
+
+def own_current(channel: Probe, solenoids: Sequence[Solenoid]) -> Source | None:
+    """Return the source of the current of one solenoid; None for any other channel."""
+    for number, solenoid in enumerate(solenoids):
+        if channel.name == f"{CURRENT}_{solenoid.name}":
+            row = len(SIGNALS) + number
+            return Source(VOLTS, row, row, 1.0 / solenoid.force_per_ampere, 0.0, 0.0, 0.0, converted=True)
+    return None
 
 
 def source_of(
@@ -110,7 +126,7 @@ def source_of(
     named = {
         "motor_speed": ("speed", 1.0, True),
         "motor_speed_command": ("speed_command", 1.0, False),
-        "solenoid_current": ("solenoid_force", 1.0 / force_per_ampere, True),
+        CURRENT: ("solenoid_force", 1.0 / force_per_ampere, True),
     }
     if channel.name not in named:
         raise RigError(

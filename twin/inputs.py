@@ -7,9 +7,10 @@ import numpy as np
 from daq.channels import Channel
 from daq.rig import Rig, RigError
 from daq.shaft import ENCODER, sense_of
+from simulator.rig import Solenoid
+from simulator.sensors import CURRENT
 from twin.layout import HOUSE, TILT, Feeds, Sensors, Tuning
 
-CURRENT = "solenoid_current"
 LEAST_CROSSING = 0.1  # determinant of the probes' directions below which they lie in one line
 
 
@@ -47,10 +48,9 @@ def feeds_of(rig: Rig) -> Feeds:
     if ENCODER not in rig.channels:
         raise RigError(f"{rig.name}: the twin needs a channel {ENCODER} for the shaft's angle")
     currents, moments = [], []
-    if CURRENT in rig.channels and rig.solenoids:
-        solenoid = rig.solenoids[0]
+    for name, solenoid in solenoid_currents(rig).items():
         angle, moment = radians(solenoid.angle_deg), solenoid.station * solenoid.force_per_ampere
-        currents.append(rig.channels.index(CURRENT))
+        currents.append(rig.channels.index(name))
         moments.append((moment * cos(angle), moment * sin(angle)))
     return Feeds(
         rig.channels.index(ENCODER),
@@ -58,3 +58,15 @@ def feeds_of(rig: Rig) -> Feeds:
         np.array(currents, dtype=np.int64),
         np.array(moments, dtype=np.float64).reshape(-1, 2),
     )
+
+
+def solenoid_currents(rig: Rig) -> dict[str, Solenoid]:
+    """Return the channels of the solenoids' currents, each with its solenoid.
+
+    Where solenoids have channels of their own, those count; else the one channel is the first solenoid's.
+    """
+    own = {f"{CURRENT}_{solenoid.name}": solenoid for solenoid in rig.solenoids}
+    found = {name: solenoid for name, solenoid in own.items() if name in rig.channels}
+    if found or CURRENT not in rig.channels or not rig.solenoids:
+        return found
+    return {CURRENT: rig.solenoids[0]}

@@ -29,6 +29,7 @@ from simulator.simulation import Simulation, SimulationError
 from simulator.state import SIGNALS
 
 OVERRUN, CLIPPED = int(BlockStatus.OVERRUN), int(BlockStatus.CLIPPED)
+FORCE = SIGNALS.index("solenoid_force")
 RATES = (100.0, 1e6)
 CHUNK = 1000
 """Samples simulated at once."""
@@ -70,7 +71,8 @@ class Emulator:
         self._pending: list[tuple[int, int, Output]] = []  # heap of (sample, order of writing, output)
         self._written = 0
         self._enabled = True  # by the enable line
-        self._signals = Scratch(len(SIGNALS))
+        self._hitting = 0  # number of the solenoid that hit last
+        self._signals = Scratch(len(SIGNALS))  # and the force of each solenoid by itself, once opened
         self._part = Scratch(len(SIGNALS))
         self._last = self._signals.columns(0)
 
@@ -82,8 +84,10 @@ class Emulator:
         self._rig = rig
         force_per_ampere = rig.solenoids[0].force_per_ampere if rig.solenoids else 1.0
         self._table = sensor_table(
-            rig.channels, rig.emulated_model, rig.encoder, force_per_ampere, rig.emulator
+            rig.channels, rig.emulated_model, rig.encoder, force_per_ampere, rig.emulator, rig.solenoids
         )
+        self._signals = Scratch(len(SIGNALS) + len(rig.solenoids))
+        self._part = Scratch(len(SIGNALS))
         self._solenoids = {solenoid.name: solenoid for solenoid in rig.solenoids}
         self._latency = max(1, round(rig.emulator.latency * rig.acquisition.rate))
         self._buffer = max(1, round(rig.emulator.buffer * rig.acquisition.rate))
@@ -197,13 +201,22 @@ class Emulator:
             step = count - done
             if self._pending:
                 step = min(step, self._pending[0][0] - simulation.sample)
+            columns = slice(done, done + step)
             if step == count:
-                _advance(simulation, signals)
+                _advance(simulation, signals[: len(SIGNALS)])
             else:
                 part = self._part.columns(step)
                 _advance(simulation, part)
-                signals[:, done : done + step] = part
+                signals[: len(SIGNALS), columns] = part
+            self._credit(signals[:, columns])
             done += step
+
+    def _credit(self, signals: NDArray[np.float64]) -> None:
+        """Credit the solenoids' force to the one that hit last; the daq lets one hit at a time."""
+        own = signals[len(SIGNALS) :]
+        own[...] = 0.0
+        if len(own):
+            own[self._hitting] = signals[FORCE]
 
     def _perform_due(self, simulation: Simulation) -> None:
         while self._pending and self._pending[0][0] <= simulation.sample:
@@ -220,6 +233,7 @@ class Emulator:
             simulation.set_speed(0.0, output.ramp)
             simulation.release()
         elif self._enabled and isinstance(output, HitOutput):
+            self._hitting = list(self._solenoids).index(output.solenoid)
             simulation.hit(self._solenoids[output.solenoid], output.force, output.duration)
         elif self._enabled and isinstance(output, SpeedOutput):
             simulation.set_speed(output.speed, output.ramp)
@@ -245,7 +259,8 @@ class Emulator:
         for solenoid in rig.solenoids:
             simulation.hit(solenoid, 0.0, solenoid.max_duration)
         signals = self._signals.columns(2)
-        _advance(simulation, signals)
+        _advance(simulation, signals[: len(SIGNALS)])
+        self._credit(signals)
         self._sensors(rig).read(signals, 0, np.empty((len(rig.channels), 2)))
 
 
