@@ -3,11 +3,13 @@
 Beside it, on the same job: a plain Runge-Kutta 4 at 10 us in numba that uses the same forces, and, on a
 stretch of it, `scipy.integrate.solve_ivp` with the same compiled derivatives, begun anew at each contact's
 entry and exit. The plain one also stands beside runs at constant, prescribed speeds: free of contact
-(20 Hz), bouncing (12 Hz), and in permanent contact (990 g mm at 20 Hz). A sweep of 1000 rigs runs on one
-thread and on two, by the clock. Variants take turns in rotated order; figures are medians, in processor
-time but for the sweep. Run `python -m benchmarks.simulator`.
+(20 Hz), bouncing (12 Hz), and in permanent contact (990 g mm at 20 Hz), and the same with the motor and its
+controller. A sweep of 1000 rigs runs on one thread and on two, by the clock. Variants take turns in rotated
+order; figures are medians, in processor time but for the sweep. Run `python -m benchmarks.simulator`; with
+`--ross PYTHON`, a Python that has ross-rotordynamics, its rub model stands beside the bouncing rig.
 """
 
+import json
 import os
 import subprocess
 import sys
@@ -24,11 +26,11 @@ from daq.rig import load_rig
 from simulator.compile import kernel
 from simulator.contact import contact_force, penetration
 from simulator.drive import motor_torque, next_integral, set_point
-from simulator.dynamics import collide, derivatives
+from simulator.dynamics import derivatives
 from simulator.rig import DriveMode, Model
 from simulator.simulation import Simulation, signals_for
 from simulator.state import Inputs
-from simulator.stepping import pack, unpacked, with_drive
+from simulator.stepping import pack, unpacked
 from simulator.sweep import Leg, sweep
 
 ROUNDS = 5
@@ -42,6 +44,44 @@ CONSTANT_CHUNK = 5000  # samples a call at constant speed, where a call's own 9 
 SWEPT = 1000  # rigs
 SWEEP_SECONDS = 1.0
 DEMANDED = 50.0  # times real time
+CONSTANT = {  # Hz and kg m
+    "free_of_contact": (20.0, 75e-6),
+    "bouncing": (12.0, 75e-6),
+    "permanent_contact": (20.0, 990e-6),
+}
+ROSS = (  # its dependencies ask for an older protobuf, and it fails with plotly 6
+    'python -m venv ross; ross/bin/pip install "ross-rotordynamics>=2.3" "plotly<6"; '
+    "python -m benchmarks.simulator --ross ross/bin/python"
+)
+
+
+@kernel
+def rates(model: Model, candidates: np.ndarray, inputs: Inputs, values: np.ndarray, out: np.ndarray) -> None:
+    """Write the derivatives of a state (12,)."""
+    pack(derivatives(model, candidates, inputs, unpacked(values)), out)
+
+
+@kernel
+def add_scaled(values: np.ndarray, scale: float, rate: np.ndarray, out: np.ndarray) -> None:
+    """Write values + scale rate."""
+    for index in range(values.shape[0]):
+        out[index] = values[index] + scale * rate[index]
+
+
+@kernel
+def plain_step(model: Model, candidates: np.ndarray, inputs: Inputs, values: np.ndarray, work: np.ndarray):
+    """Step a state (12,) by the textbook's Runge-Kutta 4 through 10 us; `work` is (5, 12)."""
+    step, point = 10e-6, work[4]
+    rates(model, candidates, inputs, values, work[0])
+    add_scaled(values, 0.5 * step, work[0], point)
+    rates(model, candidates, inputs, point, work[1])
+    add_scaled(values, 0.5 * step, work[1], point)
+    rates(model, candidates, inputs, point, work[2])
+    add_scaled(values, step, work[2], point)
+    rates(model, candidates, inputs, point, work[3])
+    for index in range(values.shape[0]):
+        middle = 2.0 * (work[1, index] + work[2, index])
+        values[index] += step / 6.0 * (work[0, index] + middle + work[3, index])
 
 
 @kernel
@@ -49,30 +89,21 @@ def plain_run(
     model: Model, candidates: np.ndarray, ramp: np.ndarray, first: int, values: np.ndarray, out: np.ndarray
 ):
     """Fill `out` (17, n) as the simulator does, stepping 10 us at a time wherever the shaft is."""
-    tick = 40e-6
-    state = unpacked(values)
+    tick, work = 40e-6, np.empty((5, 12))
     for column in range(out.shape[1]):
-        force = contact_force(model, candidates, state)
+        force = contact_force(model, candidates, unpacked(values))
         for row in range(11):
-            out[row, column] = state[row]
+            out[row, column] = values[row]
         out[11, column], out[12, column] = force.force_x, force.force_y
         out[13, column], out[14, column] = force.normal, max(force.penetration, 0.0)
         wanted = set_point(ramp, first + column, tick)
         out[15, column], out[16, column] = wanted, 0.0
-        error = wanted - state.speed
-        torque = motor_torque(model.drive, error, state.speed_error_integral)
-        integral = next_integral(model.drive, error, state.speed_error_integral, tick)
-        inputs = Inputs(torque, 0.0, 0.0, 0.0)
+        error = wanted - values[10]
+        inputs = Inputs(motor_torque(model.drive, error, values[11]), 0.0, 0.0, 0.0)
+        integral = next_integral(model.drive, error, values[11], tick)
         for _ in range(PLAIN_SUBSTEPS):
-            state = collide(model, candidates, inputs, inputs, inputs, tick / PLAIN_SUBSTEPS, state)
-        state = with_drive(state, state.speed, integral)
-    pack(state, values)
-
-
-@kernel
-def rates(model: Model, candidates: np.ndarray, values: np.ndarray, out: np.ndarray) -> None:
-    """Write the derivatives of a state (12,) at constant speed."""
-    pack(derivatives(model, candidates, Inputs(0.0, 0.0, 0.0, 0.0), unpacked(values)), out)
+            plain_step(model, candidates, inputs, values, work)
+        values[11] = integral
 
 
 @kernel
@@ -203,7 +234,7 @@ class Stretch:
 
     def _rates(self, _time: float, y: np.ndarray) -> np.ndarray:
         out = np.empty(12)
-        rates(self.model, self.candidates, y, out)
+        rates(self.model, self.candidates, Inputs(0.0, 0.0, 0.0, 0.0), y, out)
         return out
 
     def _crossing(self, _time: float, y: np.ndarray) -> float:
@@ -237,15 +268,28 @@ def compile_time() -> float:
         return after.children_user - before.children_user + after.children_system - before.children_system
 
 
-def measured() -> dict[str, Figure]:
-    """Run everything and return the figures."""
+def ross_rate(python: str) -> tuple[float, str]:
+    """Return the seconds of run for each second of processor time of ross' rub model, and its version."""
+    command = [python, "-m", "benchmarks.ross_rub"]
+    output = subprocess.run(command, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    found = json.loads(output.stdout.splitlines()[-1])
+    assert found["contact"] > 0.0, "the job is one with contact"
+    return found["rate"], found["version"]
+
+
+def measured(ross: str | None) -> dict[str, Figure]:
+    """Run everything and return the figures; `ross` is a Python that has ross-rotordynamics."""
     motor = load_rig("thesis-ball").model
     assert motor is not None
     ideal = motor._replace(drive=motor.drive._replace(mode=DriveMode.IDEAL))
     ideal = Simulation(ideal).model
-    free, bouncing, pressed = (
-        Constant(ideal, hz, unbalance) for hz, unbalance in ((20.0, 75e-6), (12.0, 75e-6), (20.0, 990e-6))
+    jobs_at = (
+        ("free_of_contact", 20.0, 75e-6),
+        ("bouncing", 12.0, 75e-6),
+        ("permanent_contact", 20.0, 990e-6),
     )
+    constant = {name: Constant(ideal, hz, unbalance) for name, hz, unbalance in jobs_at}
+    constant |= {f"{name}_motor": Constant(motor, hz, unbalance) for name, hz, unbalance in jobs_at}
     stretch, jobs = Stretch(ideal), Job(motor)
     speed = speeds_of(
         {
@@ -254,34 +298,36 @@ def measured() -> dict[str, Figure]:
             "plain": jobs.plain,
             "stretch": stretch.simulated,
             "scipy": stretch.scipy,
-            "free": free.simulated,
-            "free_plain": free.plain,
-            "bouncing": bouncing.simulated,
-            "bouncing_plain": bouncing.plain,
-            "pressed": pressed.simulated,
-            "pressed_plain": pressed.plain,
+            **{name: job.simulated for name, job in constant.items()},
+            **{f"{name}_plain": job.plain for name, job in constant.items()},
             "two_cores": lambda: sweep_rate(ideal, 2),
             "one_core": lambda: sweep_rate(ideal, 1),
         }
     )
     unit = "x real time"
-    return {
+    figures = {
         "run_up": Figure(speed["motor"], unit, DEMANDED, "what is demanded"),
         "run_up_prescribed_speed": Figure(speed["ideal"], unit, DEMANDED, "what is demanded"),
         "run_up_plain": Figure(speed["motor"], unit, speed["plain"], PLAIN),
         "impacts_scipy": Figure(speed["stretch"], unit, speed["scipy"], "solve_ivp with contact events"),
-        "free_of_contact": Figure(speed["free"], unit, speed["free_plain"], PLAIN),
-        "bouncing": Figure(speed["bouncing"], unit, speed["bouncing_plain"], PLAIN),
-        "permanent_contact": Figure(speed["pressed"], unit, speed["pressed_plain"], PLAIN),
+        **{name: Figure(speed[name], unit, speed[f"{name}_plain"], PLAIN) for name in constant},
         "sweep_of_1000": Figure(speed["two_cores"], unit, speed["one_core"], "one thread instead of two"),
         "first_start": Figure(compile_time(), "s", 15.0, "what a new user may wait for the kernels"),
     }
+    if ross:
+        rate, version = ross_rate(ross)
+        figures["bouncing_ross"] = Figure(speed["bouncing"], unit, rate, f"rub model of ross {version}")
+    return figures
 
 
 def main() -> None:
     """Measure and report."""
-    options = parser(__doc__).parse_args()
-    show(measured(), options.json)
+    options = parser(__doc__)
+    options.add_argument("--ross", metavar="PYTHON", help="a Python that has ross-rotordynamics")
+    given = options.parse_args()
+    if not given.ross:
+        print(f"without ross-rotordynamics, which needs an environment of its own: {ROSS}", file=sys.stderr)
+    show(measured(given.ross), given.json)
 
 
 if __name__ == "__main__":

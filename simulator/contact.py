@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from simulator.candidates import DAMPING_FACTOR, RESTING, SLIDING, STIFFNESS, TIP_X, TIP_Y
-from simulator.compile import inlined, kernel
+from simulator.compile import inlined
 from simulator.law import LATCHED, Surface, friction, latched_factor, normal_force
 from simulator.rig import BackupBearing, BearingKind, Model
 from simulator.state import State
@@ -152,7 +152,7 @@ def candidate_contact(model: Model, candidates: np.ndarray, index: int, state: S
     )
 
 
-@kernel
+@inlined
 def contact_force(model: Model, candidates: np.ndarray, state: State) -> Contact:
     """Return what the backup bearing does to the rotor in a state.
 

@@ -18,10 +18,12 @@ import numpy as np
 from simulator.candidates import DAMPING_FACTOR
 from simulator.compile import inlined, kernel
 from simulator.contact import (
+    Contact,
     candidate_count,
     contact_force,
     relative_motion,
     ring_radius,
+    slip,
     surface_of,
     wall,
 )
@@ -34,9 +36,12 @@ IDEAL = int(DriveMode.IDEAL)
 
 LEAST_GAP = 20e-9  # m: nearer than that counts as touching
 FLIGHT_TURN = 0.05  # rad of the fastest motion in a substep of flight: 3e-9 error a substep
-DECAY_TURN = 1.5  # decay of slip and of closing in a substep of contact; unstable above 2.78
-CONTACT_TURN = 0.3  # rad of the contact's own frequency in a substep: 2e-5 error a substep
-HOUSE_TURN = 0.25  # rad of the fastest house mode in a substep of contact
+DECAY_TURN = 2.0  # decay of slip and of closing in a substep of contact; unstable above 2.78
+CONTACT_TURN = 0.15  # rad of the contact's own frequency in a substep
+HOUSE_TURN = 0.45  # rad of the fastest house mode in a substep of contact: its ringing is 1e-6 of the gap
+EDGE_SUBSTEPS = 4.0  # of a tick in which a contact opens or closes: the force has no second derivative there
+SLIDING = 4.0  # slip speeds that must be left after a tick for friction to be as good as constant in it
+NOTHING = 1e-200  # m, m/s, rad/s: numbers that die away further are slow to compute with
 SHORTEST_SUBSTEP = 0.625e-6  # s: enough for 3900 N on the thesis rig
 
 
@@ -119,8 +124,13 @@ def derivatives(model: Model, candidates: np.ndarray, inputs: Inputs, state: Sta
     `candidates` (8, 6) are those of the model. The speed error's integral belongs to the controller, which
     works once a tick: its rate is zero here.
     """
+    return rates_under(model, contact_force(model, candidates, state), inputs, state)
+
+
+@inlined
+def rates_under(model: Model, force: Contact, inputs: Inputs, state: State) -> State:
+    """Return the rate of change of each field of the state under a contact's force."""
     rotor, house = model.rotor, model.housing
-    force = contact_force(model, candidates, state)
     acceleration = shaft_acceleration(model, force.shaft_torque, inputs)
     moment_x, moment_y = unbalance_moment(rotor, state.angle, state.speed, acceleration)
     tilt_x, tilt_y = tilt_acceleration(
@@ -194,15 +204,29 @@ def collide(
 
     The inputs are those at the step's beginning, middle and end.
     """
-    half = 0.5 * duration
-    rate_1 = derivatives(model, candidates, first, state)
-    rate_2 = derivatives(model, candidates, middle, moved(state, half, rate_1))
-    rate_3 = derivatives(model, candidates, middle, moved(state, half, rate_2))
-    rate_4 = derivatives(model, candidates, last, moved(state, duration, rate_3))
-    state = moved(state, duration / 6.0, rate_1)
-    state = moved(state, duration / 3.0, rate_2)
-    state = moved(state, duration / 3.0, rate_3)
-    return moved(state, duration / 6.0, rate_4)
+    force = contact_force(model, candidates, state)
+    return collide_from(force, model, candidates, first, middle, last, duration, state)
+
+
+@inlined
+def collide_from(
+    force: Contact,
+    model: Model,
+    candidates: np.ndarray,
+    first: Inputs,
+    middle: Inputs,
+    last: Inputs,
+    duration: float,
+    state: State,
+) -> State:
+    """Return what `collide` does, from a state whose contact is known."""
+    rate = rates_under(model, force, first, state)
+    end = moved(state, duration / 6.0, rate)
+    for stage in range(1, 4):
+        point = moved(state, duration if stage == 3 else 0.5 * duration, rate)
+        rate = derivatives(model, candidates, last if stage == 3 else middle, point)
+        end = moved(end, duration / (6.0 if stage == 3 else 3.0), rate)
+    return end
 
 
 @inlined
@@ -257,15 +281,21 @@ def settle(tick: Tick, state: State) -> State:
         state.tilt_y,
         state.tilt_rate_x,
         state.tilt_rate_y,
-        tick.house_x_x * state.house_x + tick.house_x_v * state.house_rate_x,
-        tick.house_y_y * state.house_y + tick.house_y_v * state.house_rate_y,
-        tick.house_v_x * state.house_x + tick.house_v_v * state.house_rate_x,
-        tick.house_w_y * state.house_y + tick.house_w_w * state.house_rate_y,
-        tick.ring_decay * state.ring_speed,
+        faded(tick.house_x_x * state.house_x + tick.house_x_v * state.house_rate_x),
+        faded(tick.house_y_y * state.house_y + tick.house_y_v * state.house_rate_y),
+        faded(tick.house_v_x * state.house_x + tick.house_v_v * state.house_rate_x),
+        faded(tick.house_w_y * state.house_y + tick.house_w_w * state.house_rate_y),
+        faded(tick.ring_decay * state.ring_speed),
         state.angle,
         state.speed,
         state.speed_error_integral,
     )
+
+
+@inlined
+def faded(value: float) -> float:
+    """Return a number, or zero for one that is next to nothing."""
+    return 0.0 if abs(value) < NOTHING else value
 
 
 @inlined
@@ -287,26 +317,33 @@ def contact_substeps(model: Model, tick: Tick, candidates: np.ndarray, state: St
     """Return how many substeps a tick with contact needs.
 
     The regularised friction decides: near zero slip it is a damper mu N / slip_speed on the mobility of
-    the contact point, and Runge-Kutta 4 is stable up to 2.78. The normal force is that of the end of the
-    tick, at the present rate, so that a hard closing is seen before it comes. A law whose force jumps at
-    closing closes in the shortest substep.
+    the contact point, and Runge-Kutta 4 is stable up to 2.78. Where the shaft slides through the whole tick,
+    friction is as good as constant. The normal force is that of the end of the tick, at the present rate,
+    so that a hard closing is seen before it comes. A law whose force jumps at closing closes in the
+    shortest substep.
     """
     bearing, radius = model.backup_bearing, model.rotor.shaft_radius
     x, y, rate_x, rate_y = relative_motion(model, state)
-    held, stiffness, damping, closing = 0.0, 0.0, 0.0, False
+    stiffness, damping, sticking, edge, closing = 0.0, 0.0, 0.0, 0.0, False
     for index in range(candidate_count(bearing)):
         nx, ny, depth = wall(bearing, candidates, radius, index, x, y)
         surface, factor = surface_of(bearing, candidates, index), candidates[index, DAMPING_FACTOR]
         rate = rate_x * nx + rate_y * ny
-        closing = closing or (depth <= 0.0 < depth + rate * tick.length)
-        depth += max(rate, 0.0) * tick.length
-        coefficient = max(surface.friction, surface.static_friction)
-        held += coefficient * normal_force(surface, factor, depth, rate)
+        approached = rate * tick.length
+        closing = closing or (depth <= 0.0 < depth + approached)
+        if abs(depth) < abs(approached):
+            edge = EDGE_SUBSTEPS
+        depth += max(approached, 0.0)
+        held = max(surface.friction, surface.static_friction) * normal_force(surface, factor, depth, rate)
+        braked = held * tick.mobility * tick.length
+        slip_t, _, _, _ = slip(model, state, nx, ny, rate_y * nx - rate_x * ny)
+        if abs(slip_t) < braked + SLIDING * bearing.slip_speed:
+            sticking += braked / bearing.slip_speed
         stiffness = max(stiffness, normal_stiffness(surface, depth))
         damping += normal_damping(surface, factor, depth)
     if closing and bearing.law == KELVIN_VOIGT:
         return ceil(tick.most_substeps)
-    sticking = held / bearing.slip_speed * tick.mobility
-    decay = max(sticking, damping * tick.approach)
-    needed = tick.length * max(decay / DECAY_TURN, sqrt(stiffness * tick.approach) / CONTACT_TURN)
+    decay = max(sticking, damping * tick.approach * tick.length)
+    turn = sqrt(stiffness * tick.approach) * tick.length
+    needed = max(decay / DECAY_TURN, turn / CONTACT_TURN, edge)
     return ceil(min(max(needed, tick.least_substeps), tick.most_substeps))

@@ -1,195 +1,292 @@
-"""Flight at constant speed: everything is linear, so that many samples follow from one at once, exactly.
+"""Free flight by an exact map for each tick, many ticks at once, while the shaft is away from the bearing.
 
-A flight's state after k ticks is a matrix's power times its state at the flight's anchor, plus what weight,
-coupling and unbalance have added since. Those are tabulated for k up to `BLOCK`, once for a speed, by
-`simulator.flight_table`. A flight takes a new anchor at each multiple of `BLOCK` samples, at the latest.
-The anchor is kept between calls, so that it does not matter how samples are divided among calls.
+Without contact and solenoids the shaft's speed depends on the drive alone, and everything else is linear.
+A tick's map of the rotor is a short polynomial of the tick's mean speed; `simulator.flight_map` works the
+coefficients out, once for a model. So the drive is taken through some ticks first, then their maps and
+loads are worked out side by side, then the rotor goes through them. Nothing is carried from tick to tick
+but the state: it does not matter how samples are divided among calls.
 """
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from simulator.compile import inlined, kernel
+from simulator.contact import relative_motion
+from simulator.drive import IDEAL, motor_torque, next_integral, set_point
+from simulator.dynamics import Tick, settle
 from simulator.numeric import sine_cosine
+from simulator.rig import Drive, Model
 from simulator.state import State
 
-BLOCK = 100  # samples; a snapshot of the state at a multiple of it goes on to the same bytes
-NOTHING = 1e-200  # m, m/s, rad/s: smaller numbers are slow to compute with
+BLOCK = 64  # ticks that are worked out at once, so that processors do several of them in one instruction
+ROW = BLOCK + 8  # of the working memory
+WANTED, SPEED, ANGLE, INTEGRAL, SINE, COSINE = 0, ROW, 2 * ROW, 3 * ROW, 4 * ROW, 5 * ROW
+TILT_LOAD, RATE_LOAD, MAP, WORK = 6 * ROW, 8 * ROW, 10 * ROW, 18 * ROW
 
-# Rows of the table: real and imaginary parts of what a complex tilt (and then its rate) gets of the tilt,
-# of the rate, and of the unbalance's moment at the anchor; what it gets of weight and coupling along x and y.
-OF_TILT, OF_RATE, OF_UNBALANCE, OF_WEIGHT = 0, 2, 4, 6
-VECTOR = 8  # rows of the tilt; as many of its rate follow
-HOUSE = 16  # rows: four for x, four for y, as in `Tick`
-RING = 24  # and one more, so that rows come in pairs
-TABLE_ROWS = 26
+# Coefficients of 1, p, p^2, p^3, where p = i Omega.
+Polynomial = tuple[float, float, float, float]
 
 
 class Flight(NamedTuple):
-    """Table and working memory of `glide`; made by `simulator.flight_table`."""
+    """A tick of free flight; made by `simulator.flight_map.flight_of`."""
 
-    table: np.ndarray  # (TABLE_ROWS, BLOCK + 1)
-    anchor: np.ndarray  # (15,) the anchor's sample, below 0 for none, its state, and its unbalance's moment
-    speed: float  # rad/s, for which the table is; NaN: for none
-    tick: float  # s
-    unbalance: float  # N m, the moment's size at that speed
+    tilt_of_tilt: Polynomial  # what the complex tilt gets of itself,
+    tilt_of_rate: Polynomial  # s, of its rate,
+    tilt_of_unbalance: Polynomial  # 1/(N m), of the unbalance's moment at the tick's begin, which turns on,
+    tilt_of_weight: Polynomial  # and of the moment of weight and coupling
+    rate_of_tilt: Polynomial  # 1/s, what its rate gets
+    rate_of_rate: Polynomial
+    rate_of_unbalance: Polynomial  # 1/(N m s)
+    rate_of_weight: Polynomial
+    unbalance: float  # kg m^2, the unbalance's moment for each (rad/s)^2
     unbalance_angle: float  # rad
-    station: float  # m, the bearing's
-    radius: float  # m, within which the shaft's centre touches nothing
+    late_load: float  # s^2, what the tilt lacks, for each (rad/s)^2, because the load grows with the speed
+    shaft_response: float  # (rad/s)/(N m), what a torque adds to the shaft's speed in a tick
+    rate: float  # 1/s, ticks a second
+    fastest: float  # rad/s: below it the polynomials are exact to 1e-9 of what a tick changes
+    room: float  # m, within which the shaft's centre touches nothing
+    work: np.ndarray  # (WORK,) working memory
 
 
 @inlined
-def steady(flight: Flight, ramp: np.ndarray, pulses: np.ndarray, sample: int, speed: float) -> bool:
-    """Tell whether the speed is the table's and stays so from a sample on, and no solenoid acts."""
-    if speed != flight.speed or speed != ramp[1]:
-        return False
+def quiet(pulses: np.ndarray, sample: int, tick: float) -> bool:
+    """Tell whether no solenoid acts from a sample on."""
+    active = 0
     for index in range(pulses.shape[0]):
-        if (sample - pulses[index, 0]) * flight.tick < pulses[index, 1]:
-            return False
-    return ramp[2] * ((sample - ramp[3]) * flight.tick) >= abs(ramp[1] - ramp[0])
+        active += (sample - pulses[index, 0]) * tick < pulses[index, 1]
+    return active == 0
 
 
 @inlined
-def clear(flight: Flight, x: float, y: float, rate_x: float, rate_y: float) -> bool:
-    """Tell whether the shaft is well away from the bearing, by its centre's place (m) and velocity (m/s)."""
-    room = max(flight.radius - 2.0 * (abs(rate_x) + abs(rate_y)) * flight.tick, 0.0)
-    return x * x + y * y < room * room
+def clear(model: Model, tick: Tick, flight: Flight, state: State) -> bool:
+    """Tell whether the shaft is well away from the bearing through a tick, and its speed not too high."""
+    x, y, rate_x, rate_y = relative_motion(model, state)
+    room = max(flight.room - (abs(rate_x) + abs(rate_y)) * tick.length, 0.0)
+    return x * x + y * y < room * room and abs(state.speed) < flight.fastest
 
 
 @kernel
 def glide(
-    flight: Flight, sample: int, state: State, truth: np.ndarray, column: int, end: int
+    model: Model,
+    tick: Tick,
+    flight: Flight,
+    ramp: np.ndarray,
+    sample: int,
+    state: State,
+    truth: np.ndarray,
+    column: int,
+    end: int,
 ) -> tuple[int, State]:
     """Fill `truth` (17, n) from `column` towards `end` for as long as the shaft is clear of the bearing.
 
     `state` is that of `sample`, at `column`, where it is clear. Return the first column that is not filled,
     and its state.
     """
-    first = int(flight.anchor[0])
-    begin, room = sample - first, BLOCK - first % BLOCK
-    if first < 0 or not 0 < begin < room or not same(after(flight, begin), state):
-        set_anchor(flight, sample, state)
-        begin, room = 0, BLOCK - sample % BLOCK
-    count = min(end - column, room - begin)
-    fill(flight, begin, truth, column, count)
-    done = clear_columns(flight, truth, column, count)
-    return column + done, after(flight, begin + done)
+    while column < end and clear(model, tick, flight, state):
+        count = min(end - column, horizon(model, tick, flight, state))
+        turn(model.drive, tick, flight, ramp, sample, state, count)
+        put_loads(tick, flight, count)
+        last = swing(tick, flight, state, truth, column, count)
+        done = clear_columns(model, tick, flight, truth, column, count)
+        state = last if done == count else state_at(flight, truth, column, done)
+        column += done
+        sample += done
+    return column, state
 
 
 @inlined
-def same(a: State, b: State) -> bool:
-    """Tell whether two states are equal."""
-    equal = True
-    for one, other in zip(a, b):  # noqa: B905  numba's zip takes nothing else
-        equal = equal and one == other
-    return equal
-
-
-@inlined
-def set_anchor(flight: Flight, sample: int, state: State) -> None:
-    """Let a flight begin at a sample."""
-    anchor = flight.anchor
-    anchor[0] = float(sample)
-    for index, value in enumerate(state):
-        anchor[1 + index] = value
-    for index in range(5, 10):  # house and ring, which die away
-        if abs(anchor[index]) < NOTHING:
-            anchor[index] = 0.0
-    sine, cosine = sine_cosine(state.angle + flight.unbalance_angle)
-    anchor[13], anchor[14] = flight.unbalance * cosine, flight.unbalance * sine
+def horizon(model: Model, tick: Tick, flight: Flight, state: State) -> int:
+    """Return for how many ticks the shaft is likely to be clear of the bearing, 4 to `BLOCK`."""
+    x, y, rate_x, rate_y = relative_motion(model, state)
+    way = (abs(rate_x) + abs(rate_y)) * tick.length
+    room = flight.room - sqrt(x * x + y * y)
+    return BLOCK if room > BLOCK * way else max(4, int(room / way))
 
 
 @kernel
-def after(flight: Flight, k: int) -> State:
-    """Return the state k ticks after the anchor."""
-    table, z = flight.table[:, k], flight.anchor[1:]
-    found = np.empty(4)
-    for part in range(2):
-        row = part * VECTOR
-        x, y = table[row + OF_WEIGHT], table[row + OF_WEIGHT + 1]
-        for source, index in ((OF_TILT, 0), (OF_RATE, 2), (OF_UNBALANCE, 12)):
-            a, b = table[row + source], table[row + source + 1]
-            x += a * z[index] - b * z[index + 1]
-            y += a * z[index + 1] + b * z[index]
-        found[2 * part], found[2 * part + 1] = x, y
+def turn(
+    motor: Drive, tick: Tick, flight: Flight, ramp: np.ndarray, sample: int, state: State, count: int
+) -> None:
+    """Work out set-point, speed, angle and the controller's integral through `count` ticks."""
+    work, length = flight.work, tick.length
+    speed, angle, integral = state.speed, state.angle, state.speed_error_integral
+    wanted = set_point(ramp, sample, length)
+    for k in range(count):
+        following = set_point(ramp, sample + k + 1, length)
+        work[WANTED + k], work[SPEED + k], work[ANGLE + k], work[INTEGRAL + k] = (
+            wanted,
+            speed,
+            angle,
+            integral,
+        )
+        error, before = wanted - speed, speed
+        if motor.mode == IDEAL:
+            speed = following
+        else:
+            speed = before + motor_torque(motor, error, integral) * flight.shaft_response
+        integral = next_integral(motor, error, integral, length)
+        angle += length * (0.5 * (before + speed))
+        wanted = following
+    work[SPEED + count], work[ANGLE + count], work[INTEGRAL + count] = speed, angle, integral
+
+
+@kernel
+def put_loads(tick: Tick, flight: Flight, count: int) -> None:
+    """Work out the rotor's maps and loads through `count` ticks."""
+    work = flight.work
+    for k in range(count):
+        # The twelfths, here and below, make the load's mean right to second order where the speed changes.
+        lead = (work[SPEED + k + 1] - work[SPEED + k]) * (tick.length / 12.0)
+        work[SINE + k], work[COSINE + k] = sine_cosine(work[ANGLE + k] + flight.unbalance_angle + lead)
+    for k in range(count):
+        before, after = work[SPEED + k], work[SPEED + k + 1]
+        speed = 0.5 * (before + after)
+        square = speed * speed
+        gained = after - before
+        radial = flight.unbalance * (square + gained * gained / 12.0)
+        tangential = flight.unbalance * (gained * flight.rate)
+        late = flight.late_load * speed * gained
+        sine, cosine = work[SINE + k], work[COSINE + k]
+        moment_x, moment_y = radial * cosine + tangential * sine, radial * sine - tangential * cosine
+        a, b = at_speed(flight.tilt_of_unbalance, speed, square)
+        c, d = at_speed(flight.tilt_of_weight, speed, square)
+        work[TILT_LOAD + k] = (a * moment_x - b * moment_y) - (d + late * cosine)
+        work[TILT_LOAD + ROW + k] = (a * moment_y + b * moment_x) + (c - late * sine)
+        a, b = at_speed(flight.rate_of_unbalance, speed, square)
+        c, d = at_speed(flight.rate_of_weight, speed, square)
+        work[RATE_LOAD + k] = (a * moment_x - b * moment_y) - d
+        work[RATE_LOAD + ROW + k] = (a * moment_y + b * moment_x) + c
+    for k in range(count):
+        speed = 0.5 * (work[SPEED + k] + work[SPEED + k + 1])
+        square = speed * speed
+        work[MAP + k], work[MAP + ROW + k] = at_speed(flight.tilt_of_tilt, speed, square)
+        work[MAP + 2 * ROW + k], work[MAP + 3 * ROW + k] = at_speed(flight.tilt_of_rate, speed, square)
+        work[MAP + 4 * ROW + k], work[MAP + 5 * ROW + k] = at_speed(flight.rate_of_tilt, speed, square)
+        work[MAP + 6 * ROW + k], work[MAP + 7 * ROW + k] = at_speed(flight.rate_of_rate, speed, square)
+
+
+@kernel
+def swing(tick: Tick, flight: Flight, state: State, truth: np.ndarray, column: int, count: int) -> State:
+    """Move rotor, house and ring on; fill `count` columns of `truth`; return the state after them."""
+    work = flight.work
+    for k in range(count):
+        truth[0, column + k] = state.tilt_x
+        truth[1, column + k] = state.tilt_y
+        truth[2, column + k] = state.tilt_rate_x
+        truth[3, column + k] = state.tilt_rate_y
+        truth[4, column + k] = state.house_x
+        truth[5, column + k] = state.house_y
+        truth[6, column + k] = state.house_rate_x
+        truth[7, column + k] = state.house_rate_y
+        truth[8, column + k] = state.ring_speed
+        truth[9, column + k] = work[ANGLE + k]
+        truth[10, column + k] = work[SPEED + k]
+        for row in (11, 12, 13, 14):  # of the contact
+            truth[row, column + k] = 0.0
+        truth[15, column + k] = work[WANTED + k]
+        truth[16, column + k] = 0.0  # of the solenoids
+        state = swung(work, k, settle(tick, state))
     return State(
-        found[0],
-        found[1],
-        found[2],
-        found[3],
-        table[HOUSE] * z[4] + table[HOUSE + 1] * z[6],
-        table[HOUSE + 4] * z[5] + table[HOUSE + 5] * z[7],
-        table[HOUSE + 2] * z[4] + table[HOUSE + 3] * z[6],
-        table[HOUSE + 6] * z[5] + table[HOUSE + 7] * z[7],
-        table[RING] * z[8],
-        z[9] + k * (flight.tick * z[10]),
-        z[10],
-        z[11],
+        state.tilt_x,
+        state.tilt_y,
+        state.tilt_rate_x,
+        state.tilt_rate_y,
+        state.house_x,
+        state.house_y,
+        state.house_rate_x,
+        state.house_rate_y,
+        state.ring_speed,
+        work[ANGLE + count],
+        work[SPEED + count],
+        work[INTEGRAL + count],
     )
 
 
-@kernel
-def fill(flight: Flight, begin: int, truth: np.ndarray, column: int, count: int) -> None:
-    """Write true signals (17, n) from `begin` ticks after the anchor on into `count` columns of `truth`."""
-    table, z = flight.table, flight.anchor[1:]
-    for row in range(truth.shape[0]):
-        constant = z[10] if row in (10, 15) else 0.0
-        signal = truth[row][column : column + count]
-        for index in range(count):
-            signal[index] = constant
-    for part in range(2):
-        row, x, y = part * VECTOR, truth[2 * part], truth[2 * part + 1]
-        add(table, row + OF_WEIGHT, begin, 1.0, 0.0, x, column, count)
-        add(table, row + OF_WEIGHT, begin, 0.0, 1.0, y, column, count)
-        for source, index in ((OF_TILT, 0), (OF_RATE, 2), (OF_UNBALANCE, 12)):
-            add(table, row + source, begin, z[index], -z[index + 1], x, column, count)
-            add(table, row + source, begin, z[index + 1], z[index], y, column, count)
-    for axis in range(2):
-        for part in range(2):
-            row = HOUSE + 4 * axis + 2 * part
-            add(table, row, begin, z[4 + axis], z[6 + axis], truth[4 + axis + 2 * part], column, count)
-    add(table, RING, begin, z[8], 0.0, truth[8], column, count)
-    turn, angle = flight.tick * z[10], truth[9][column : column + count]
-    for index in range(count):
-        angle[index] = z[9] + (begin + index) * turn
-
-
-@kernel
-def add(
-    table: np.ndarray, row: int, begin: int, x: float, y: float, out: np.ndarray, column: int, count: int
-) -> None:
-    """Add x times a row of the table, and y times the next, to `count` samples of a signal."""
-    a, b = table[row][begin : begin + count], table[row + 1][begin : begin + count]
-    target = out[column : column + count]
-    for index in range(count):
-        target[index] += a[index] * x + b[index] * y
+@inlined
+def swung(work: np.ndarray, k: int, state: State) -> State:
+    """Return the state with the rotor moved on by the block's tick k."""
+    x, y, rate_x, rate_y = state.tilt_x, state.tilt_y, state.tilt_rate_x, state.tilt_rate_y
+    a, b, c, d = work[MAP + k], work[MAP + ROW + k], work[MAP + 2 * ROW + k], work[MAP + 3 * ROW + k]
+    e, f, g, h = (
+        work[MAP + 4 * ROW + k],
+        work[MAP + 5 * ROW + k],
+        work[MAP + 6 * ROW + k],
+        work[MAP + 7 * ROW + k],
+    )
+    return State(
+        (a * x - b * y) + ((c * rate_x - d * rate_y) + work[TILT_LOAD + k]),
+        (a * y + b * x) + ((c * rate_y + d * rate_x) + work[TILT_LOAD + ROW + k]),
+        (e * x - f * y) + ((g * rate_x - h * rate_y) + work[RATE_LOAD + k]),
+        (e * y + f * x) + ((g * rate_y + h * rate_x) + work[RATE_LOAD + ROW + k]),
+        state.house_x,
+        state.house_y,
+        state.house_rate_x,
+        state.house_rate_y,
+        state.ring_speed,
+        0.0,
+        0.0,
+        0.0,
+    )
 
 
 @inlined
-def clear_columns(flight: Flight, truth: np.ndarray, column: int, count: int) -> int:
+def clear_columns(
+    model: Model, tick: Tick, flight: Flight, truth: np.ndarray, column: int, count: int
+) -> int:
     """Return how many of `count` columns come before the first that is not clear; the first of all is."""
-    last, station = column + count, flight.station
-    ux, uy = truth[0][column:last], truth[1][column:last]
-    vx, vy = truth[2][column:last], truth[3][column:last]
-    hx, hy = truth[4][column:last], truth[5][column:last]
-    wx, wy = truth[6][column:last], truth[7][column:last]
+    station = model.rotor.bearing_station
+    last = column + count
+    ux, uy, vx, vy = (
+        truth[0][column:last],
+        truth[1][column:last],
+        truth[2][column:last],
+        truth[3][column:last],
+    )
+    hx, hy, wx, wy = (
+        truth[4][column:last],
+        truth[5][column:last],
+        truth[6][column:last],
+        truth[7][column:last],
+    )
     near = 0
     for k in range(1, count):
         x, y = station * ux[k] - hx[k], station * uy[k] - hy[k]
-        rate = abs(station * vx[k] - wx[k]) + abs(station * vy[k] - wy[k])
-        room = max(flight.radius - 2.0 * rate * flight.tick, 0.0)
-        near += x * x + y * y >= room * room
+        rate_x, rate_y = station * vx[k] - wx[k], station * vy[k] - wy[k]
+        room = max(flight.room - (abs(rate_x) + abs(rate_y)) * tick.length, 0.0)
+        near += not (x * x + y * y < room * room)
+    for k in range(1, count):
+        near += not (abs(flight.work[SPEED + k]) < flight.fastest)
     if near == 0:
         return count
     for k in range(1, count):
-        x, y = station * ux[k] - hx[k], station * uy[k] - hy[k]
-        if not clear(flight, x, y, station * vx[k] - wx[k], station * vy[k] - wy[k]):
+        if not clear(model, tick, flight, state_at(flight, truth, column, k)):
             return k
     return count
 
 
 @inlined
-def forget(flight: Flight) -> None:
-    """Let the next flight have an anchor of its own."""
-    flight.anchor[0] = -1.0
+def state_at(flight: Flight, truth: np.ndarray, column: int, k: int) -> State:
+    """Return the state before a block's tick k; the block begins at `column` of `truth` (17, n)."""
+    at = column + k
+    return State(
+        truth[0, at],
+        truth[1, at],
+        truth[2, at],
+        truth[3, at],
+        truth[4, at],
+        truth[5, at],
+        truth[6, at],
+        truth[7, at],
+        truth[8, at],
+        flight.work[ANGLE + k],
+        flight.work[SPEED + k],
+        flight.work[INTEGRAL + k],
+    )
+
+
+@inlined
+def at_speed(c: Polynomial, speed: float, square: float) -> tuple[float, float]:
+    """Return real and imaginary part of a polynomial of i times the speed (rad/s), `square` its square."""
+    return c[0] - c[2] * square, speed * (c[1] - c[3] * square)

@@ -112,7 +112,9 @@ def friction_coefficient(surface: Surface, slip: float) -> float:
     It falls from that of rest to that of sliding (Stribeck's effect) as Hess and Soom have it (1990,
     J. Tribol. 112, 147): by 1 / (1 + (slip / v_s)^2). Without a coefficient of rest it is constant.
     """
-    more = max(surface.static_friction - surface.friction, 0.0)
+    more = surface.static_friction - surface.friction
+    if more <= 0.0:
+        return surface.friction
     relative = slip / surface.stribeck_speed
     return surface.friction + more / (1.0 + relative * relative)
 

@@ -53,19 +53,15 @@ def sine_cosine(angle: float) -> tuple[float, float]:
             )
         )
     )
-    return in_quarter(int(quarter) & 3, sine, cosine)
+    return in_quarter(quarter - 4.0 * floor(0.25 * quarter), sine, cosine)
 
 
 @inlined
-def in_quarter(quarter: int, sine: float, cosine: float) -> tuple[float, float]:
-    """Turn sine and cosine by a number of quarter turns."""
-    if quarter == 0:
-        return sine, cosine
-    if quarter == 1:
-        return cosine, -sine
-    if quarter == 2:
-        return -sine, -cosine
-    return -cosine, sine
+def in_quarter(quarter: float, sine: float, cosine: float) -> tuple[float, float]:
+    """Turn sine and cosine by a number of quarter turns, 0 to 3; without branches, for vector processors."""
+    odd = quarter == 1.0 or quarter == 3.0
+    first, second = cosine if odd else sine, sine if odd else cosine
+    return first if quarter < 2.0 else -first, -second if 0.0 < quarter < 3.0 else second
 
 
 def direction(angle_deg: float) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from simulator.checks import check_bearing
 from simulator.drive import set_point
 from simulator.equilibrium import static_state
 from simulator.faults import Fault, damaged_at, edges, schedule
-from simulator.flight_table import flight_at
+from simulator.flight_map import flight_of
 from simulator.rig import (
     DampingMode,
     Model,
@@ -62,7 +62,7 @@ class Simulation:
         self.state = static_state(self.model) if state is None else checked_state(state)
         self._ramp = np.array([self.state[10], self.state[10], 1.0, 0.0])
         self._pulses = np.empty((0, PULSE_FIELDS))
-        self._flight = flight_at(self.model, self.tick, self.state[10])
+        self._flight = flight_of(self.model, self.tick)
         self._faults = schedule(faults, self.rate)
         self._edges = edges(self._faults)
 
@@ -102,7 +102,7 @@ class Simulation:
         """Let the model be that of the rig with what acts on it now."""
         self.model = checked(damaged_at(self.whole, self._faults, self.sample))
         self.tick = tick_of(self.model, 1.0 / self.rate)
-        self._flight = flight_at(self.model, self.tick, self._ramp[1])
+        self._flight = flight_of(self.model, self.tick)
         latched = self.damping_factors.copy()
         self.candidates[:] = candidates_of(self.model)
         if self.model.backup_bearing.damping_mode == DampingMode.LATCHED:
@@ -115,8 +115,6 @@ class Simulation:
         slope = positive(ramp, "ramp", "rad/s2")
         now = set_point(self._ramp, self.sample, self.tick.length)
         self._ramp[:] = now, speed, slope, self.sample
-        if speed != self._flight.speed:
-            self._flight = flight_at(self.model, self.tick, speed)
 
     def hit(self, solenoid: Solenoid, force: float, duration: float) -> None:
         """Begin a half-sine pulse of a solenoid now: peak `force` (N), `duration` (s). Pulses may overlap."""

@@ -3,10 +3,10 @@
 import numpy as np
 
 from simulator.compile import inlined, kernel
-from simulator.contact import Contact, beyond_pins, contact_force, latch, penetration, relative_motion
+from simulator.contact import Contact, beyond_pins, contact_force, latch
 from simulator.drive import IDEAL, motor_torque, next_integral, set_point
-from simulator.dynamics import Tick, collide, contact_substeps, flight_substeps, fly, may_touch, settle
-from simulator.flight import Flight, clear, forget, glide, steady
+from simulator.dynamics import Tick, collide_from, contact_substeps, flight_substeps, fly, may_touch, settle
+from simulator.flight import Flight, clear, glide, quiet
 from simulator.rig import Model
 from simulator.solenoid import pulse_in_tick, solenoid_force, solenoid_moment
 from simulator.state import Inputs, State
@@ -40,16 +40,15 @@ def run(
     sample -= begin
     column = begin
     while column < end:
-        depth = penetration(model, candidates, state)
-        touching = may_touch(model, tick, state, depth)
-        x, y, rate_x, rate_y = relative_motion(model, state)
-        if steady(flight, ramp, pulses, sample + column, state.speed) and clear(flight, x, y, rate_x, rate_y):
-            column, state = glide(flight, sample + column, state, truth, column, end)
-        else:
-            forget(flight)
-            record(model, tick, ramp, pulses, sample + column, candidates, state, depth, truth, column)
-            state = step(model, tick, ramp, pulses, sample + column, candidates, touching, state)
-            column += 1
+        free = clear(model, tick, flight, state) and quiet(pulses, sample + column, tick.length)
+        if free and sound(state):
+            column, state = glide(model, tick, flight, ramp, sample + column, state, truth, column, end)
+            continue
+        force = contact_force(model, candidates, state)
+        touching = may_touch(model, tick, state, force.penetration)
+        record(tick, ramp, pulses, sample + column, state, force, truth, column)
+        state = step(model, tick, ramp, pulses, sample + column, candidates, touching, force, state)
+        column += 1
         lost = lost or beyond_pins(model, state)
         if not sound(state):
             pack(state, values)
@@ -67,6 +66,7 @@ def step(
     sample: int,
     candidates: np.ndarray,
     touching: bool,
+    force: Contact,
     state: State,
 ) -> State:
     """Return the state at the next sample."""
@@ -76,7 +76,7 @@ def step(
     torque = motor_torque(model.drive, error, state.speed_error_integral)
     held = Inputs(torque, (next_wanted - wanted) / tick.length, 0.0, 0.0)
     integral = next_integral(model.drive, error, state.speed_error_integral, tick.length)
-    state = through_tick(model, tick, held, pulses, sample, candidates, touching, state)
+    state = through_tick(model, tick, held, pulses, sample, candidates, touching, force, state)
     speed = next_wanted if model.drive.mode == IDEAL else state.speed
     return with_drive(state, speed, integral)
 
@@ -90,6 +90,7 @@ def through_tick(
     sample: int,
     candidates: np.ndarray,
     touching: bool,
+    force: Contact,
     state: State,
 ) -> State:
     """Return the state after a tick under held torque or acceleration, in as many substeps as it takes."""
@@ -109,7 +110,9 @@ def through_tick(
             last = with_pulses(held, pulses, sample, (index + 1.0) * duration, tick.length)
         if touching:
             latch(model, state, candidates)
-            state = collide(model, candidates, first, middle, last, duration, state)
+            if index > 0:
+                force = contact_force(model, candidates, state)
+            state = collide_from(force, model, candidates, first, middle, last, duration, state)
         else:
             state = fly(model, first, middle, last, duration, state)
     return state if touching else settle(tick, state)
@@ -143,21 +146,16 @@ def with_drive(state: State, speed: float, integral: float) -> State:
 
 @inlined
 def record(
-    model: Model,
     tick: Tick,
     ramp: np.ndarray,
     pulses: np.ndarray,
     sample: int,
-    candidates: np.ndarray,
     state: State,
-    depth: float,
+    force: Contact,
     truth: np.ndarray,
     column: int,
 ) -> None:
     """Write one column of true signals; the rows are `simulator.simulation.SIGNALS`."""
-    force = Contact(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, depth)
-    if depth > 0.0:
-        force = contact_force(model, candidates, state)
     truth[0, column] = state.tilt_x
     truth[1, column] = state.tilt_y
     truth[2, column] = state.tilt_rate_x
@@ -172,7 +170,7 @@ def record(
     truth[11, column] = force.force_x
     truth[12, column] = force.force_y
     truth[13, column] = force.normal
-    truth[14, column] = max(depth, 0.0)
+    truth[14, column] = max(force.penetration, 0.0)
     truth[15, column] = set_point(ramp, sample, tick.length)
     truth[16, column] = solenoid_force(pulses, sample, tick.length)
 

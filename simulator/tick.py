@@ -12,7 +12,7 @@ Matrix = tuple[float, float, float, float]
 TAYLOR_TERMS = 18  # of an exponential whose argument is at most 1/2: below 1e-20
 LIGHT_DEPTH = 1e-5  # m, a light contact's
 MOST_CONTACT_TURN = 0.5  # rad of the contact's own frequency in the shortest substep
-LEAST_SUBSTEPS = 2  # of a tick with contact
+LEAST_SUBSTEPS = 1  # of a tick with contact
 
 
 def tick_of(model: Model, length: float) -> Tick:

@@ -141,11 +141,16 @@ def test_substeps_follow_the_force():
 
     model = checked(ideal("ball"))
     tick, places = tick_of(model, 4e-5), candidates(model, 2.1)
-    counts = [
-        contact_substeps(model, tick, places, State(*state(tilt_x=(GAP + depth) / STATION, speed=60.0)))
-        for depth in (1e-6, 1e-4, 3e-4, 1e-3)
-    ]
-    assert counts == sorted(counts)
-    assert counts[0] == 2
-    assert counts[-1] > 10
+
+    def substeps(depth: float, ring: float, rate: float = 0.0) -> int:
+        now = state(tilt_x=(GAP + depth) / STATION, tilt_rate_x=rate / STATION, speed=60.0, ring_speed=ring)
+        return contact_substeps(model, tick, places, State(*now))
+
+    rolling = 60.0 * 12.5 / 14.0  # rad/s: the ring runs with the shaft, so that friction sticks
+    sticking = [substeps(depth, rolling) for depth in (1e-6, 1e-4, 3e-4, 1e-3)]
+    assert sticking == sorted(sticking)
+    assert sticking[0] == 1
+    assert sticking[-1] > 10
+    assert substeps(3e-4, 0.0) < substeps(3e-4, rolling)  # sliding
+    assert substeps(1e-6, 0.0, 0.2) == 4  # a contact that has just closed
     assert derivatives(model, places, Inputs(0.0, 0.0, 0.0, 0.0), State(*state())).tilt_x == 0.0
