@@ -11,7 +11,9 @@ from daq.messages_pb2 import INFO, WARNING, Severity
 from daq.regions import KIND, Regions
 from daq.rig import Rig
 from twin.estimate import STRIDE, Estimated, EstimateStatus
+from twin.fault import Fault
 from twin.findings import Findings, RegimeChange
+from twin.health import Health
 from twin.observer import Observer
 
 SOURCE = "twin"
@@ -40,6 +42,8 @@ class Twin:
         self.lost = 0
         """Samples that did not come."""
         self._findings = Findings(rig)
+        self._health = Health(rig, self.observer.tuning)
+        self._first_out = ""
         self._rate = rig.acquisition.rate
         self._t0 = t0_ns * 1e-9
         self._counter = EventCounter(SOURCE)
@@ -55,8 +59,10 @@ class Twin:
         `cause` says why samples before this block are missing, if any are. Raises MessageError for bytes
         that are no block, ValueError for a block of another rig or from the past.
         """
-        estimated = self.observer.update(decode_series(payload))
+        block = decode_series(payload)
+        estimated = self.observer.update(block)
         messages = self._events(estimated, cause)
+        messages += [self._fault(fault, estimated) for fault in self._health.add(block, estimated)]
         messages.append(self._estimate(estimated))
         self._findings.add(estimated)
         self.samples += estimated.n_samples
@@ -121,6 +127,15 @@ class Twin:
     def _regime(self, change: RegimeChange, sample: int) -> tuple[str, bytes]:
         details = {"before": change.before.value, "now": change.now.value}
         return self._event("regime", f"regime: {change.now.value}", sample, details=details)
+
+    def _fault(self, fault: Fault, estimated: Estimated) -> tuple[str, bytes]:
+        """Return the event of a fault; its details name the first one of the run."""
+        self._first_out = self._first_out or str(fault)
+        since = fault.onset / self._rate
+        text = f"{fault}, since about {since:.1f} s (confidence {fault.confidence:.0%})"
+        sample = estimated.first_sample + estimated.n_samples - 1
+        details = {**fault._asdict(), "first_out": self._first_out}
+        return self._event("sensor_fault" if fault.channel else "rig_fault", text, sample, WARNING, details)
 
     def _event(
         self,
