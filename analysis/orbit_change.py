@@ -21,10 +21,11 @@ from typing import NamedTuple
 import numpy as np
 
 MEAN_DEVIATION = 0.1e-6  # m, of a mean over a window: noise, the converter's steps, what is left of vibration
-VECTOR_DEVIATION = 0.05e-6  # m, of a vector's part, likewise
+VECTOR_DEVIATION = 0.1e-6  # m, of a vector's part, likewise
 MISFIT = (
     0.01  # of the largest change: what a right cause may leave, as speed and vibration are not quite steady
 )
+PENALTY = 2.0  # times Schwarz's, for each unknown: what is left of vibration is not independent noise
 NUMBERS = 3  # of each probe: mean, and both parts of its vector
 
 
@@ -94,7 +95,7 @@ def cause_of(reference: Steady, now: Steady, directions: Sequence[complex], spee
         sizes = np.linalg.lstsq(patterns.T, change, rcond=None)[0]
         left = float(np.sum((change - sizes @ patterns) ** 2)) / deviation**2
         size = complex(sizes[0], sizes[1] if len(sizes) > 1 else 0.0)
-        found.append((left + len(sizes) * log(change.size), kind, probe, size))
+        found.append((left + PENALTY * len(sizes) * log(change.size), kind, probe, size))
     best = min(found, key=lambda each: each[0])
     weight = sum(exp(-0.5 * min(each[0] - best[0], 700.0)) for each in found)
     return Cause(best[1], best[2], best[3], 1.0 / weight)

@@ -14,16 +14,21 @@ CERTAIN = 1.0
 
 
 class ChannelWatch:
-    """Looks at every block, and for noise at windows without contact.
+    """Looks at every block, and for noise at windows.
 
     Args:
         rig: for its channels.
-        noises: rms that is expected of displacement and force channels, by quantity, in their units.
+        noises: rms that is expected of displacement and force channels, in this order, in their units.
     """
 
     def __init__(self, rig: Rig, noises: dict[str, float]) -> None:
         channels = list(rig.channels)
-        self._rows = [i for i, each in enumerate(channels) if each.quantity in noises and each.station]
+        self._rows = [
+            i
+            for quantity in noises
+            for i, each in enumerate(channels)
+            if each.quantity == quantity and each.station
+        ]
         self._channels = [channels[row] for row in self._rows]
         self._noises = noises
         bounds = [
@@ -55,12 +60,12 @@ class ChannelWatch:
         return faults
 
     def judge(self, window: Window) -> list[Fault]:
-        """Take in a window without contact and return which channels are noisy."""
-        readings = np.concatenate([window.probes, window.forces])
+        """Take in a window and return which channels are noisy; transducers ring in contact."""
+        readings = np.concatenate([window.probes, window.forces]) if window.free else window.probes
         # Second differences leave white noise, sqrt(6) times as large, and nothing of slow motion.
         rms = np.sqrt(np.mean(np.diff(readings, n=2, axis=1) ** 2, axis=1) / 6.0)
         faults = []
-        for index, channel in enumerate(self._channels):
+        for index, channel in enumerate(self._channels[: len(rms)]):
             if rms[index] > NOISY * self._noises[channel.quantity]:
                 faults += self._once(index, "noise", float(rms[index]), window.first_sample)
         return faults

@@ -1,6 +1,7 @@
 """The rig as it may be, within what the twin does not know: models and states drawn about an estimate."""
 
 from collections.abc import Mapping
+from math import hypot, sqrt
 
 import numpy as np
 
@@ -8,7 +9,14 @@ from simulator.rig import DriveMode, Model
 from simulator.simulation import checked
 from twin.resume import PARAMETERS, Resumed, resume
 
-SIGMA = "sigma_"  # begins the name of a row that holds another's standard deviation
+SIGMA = "_sigma"  # ends the name of a row that holds another's standard deviation
+PLACES = {
+    "tilt_x": "displacement_x",
+    "tilt_y": "displacement_y",
+    "tilt_rate_x": "velocity_x",
+    "tilt_rate_y": "velocity_y",
+}
+"""Rows whose deviation is that of another over the backup bearing's station."""
 DOUBTS = {
     "magnet_stiffness": 0.002,
     "magnet_damping": 0.1,
@@ -25,13 +33,14 @@ def drawn(model: Model, values: Mapping[str, float], count: int, seed: int = 0) 
     """Return `count` rigs, each with a model and a state, within the uncertainty of an estimate.
 
     The first is the estimate itself. Rows are drawn by themselves from normal distributions: their standard
-    deviations are the estimate's rows `sigma_*`; the description's numbers have those of `DOUBTS`. The
+    deviations are the estimate's rows `*_sigma`; the description's numbers have those of `DOUBTS`. The
     speed is prescribed, which costs a tenth of what a motor does, and changes little in seconds.
     """
     model = checked(model._replace(drive=model.drive._replace(mode=DriveMode.IDEAL)))
     complete = described(model) | dict(values)
+    spread = deviations(model, values)
     chance = np.random.default_rng(seed)
-    draws = [varied(complete, values, chance) for _ in range(count - 1)]
+    draws = [varied(complete, spread, chance) for _ in range(count - 1)]
     return [resume(model, each) for each in (complete, *draws)]
 
 
@@ -40,14 +49,29 @@ def described(model: Model) -> dict[str, float]:
     return {row: getattr(getattr(model, table), field) for row, (table, field) in PARAMETERS.items()}
 
 
+def deviations(model: Model, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the standard deviation of each row that is uncertain, in its unit."""
+    known = described(model)
+    found = {row: share * known[row] for row, share in DOUBTS.items() if row not in values}
+    for row in values:
+        if row + SIGMA in values:
+            found[row] = values[row + SIGMA]
+    for row, place in PLACES.items():
+        if place + SIGMA in values:
+            found[row] = values[place + SIGMA] / model.rotor.bearing_station
+    if "unbalance_sigma" in values:
+        across = values["unbalance"] * values["unbalance_phase_sigma"]
+        found["unbalance_x"] = found["unbalance_y"] = hypot(values["unbalance_sigma"], across) / sqrt(2.0)
+    return found
+
+
 def varied(
-    complete: Mapping[str, float], estimated: Mapping[str, float], chance: np.random.Generator
+    complete: Mapping[str, float], spread: Mapping[str, float], chance: np.random.Generator
 ) -> dict[str, float]:
     """Return values with a draw of what is uncertain about them added."""
-    found = {}
-    for name, value in complete.items():
-        share = 0.0 if name in estimated else DOUBTS.get(name, 0.0)
-        sigma = complete.get(SIGMA + name, share * abs(value))
-        moved = value + sigma * chance.standard_normal()
-        found[name] = max(moved, LEAST * value) if name in PARAMETERS else moved
+    found = dict(complete)
+    for name, deviation in spread.items():
+        found[name] += deviation * chance.standard_normal()
+        if name in PARAMETERS:
+            found[name] = max(found[name], LEAST * complete[name])
     return found

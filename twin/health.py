@@ -3,9 +3,9 @@
 from daq.messages import Series
 from daq.rig import Rig
 from twin.channel_watch import ChannelWatch
+from twin.estimate import Estimated
 from twin.fault import Fault
 from twin.layout import Tuning
-from twin.observer import Estimated
 from twin.probe_watch import ProbeWatch
 from twin.rig_watch import RigWatch
 from twin.transducer_watch import TransducerWatch
@@ -43,7 +43,7 @@ class Health:
 
     def _judge(self, window: Window) -> list[Fault]:
         """Return what a window proves."""
-        if window.free and (noisy := self._channels.judge(window)):
+        if noisy := self._channels.judge(window):
             return noisy
         for watch in self._watches:
             if found := watch.add(window):

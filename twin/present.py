@@ -12,7 +12,7 @@ from daq.messages_pb2 import Event
 from daq.plan import PlanError, SpeedStep, load_plan
 from daq.recording import Recording
 from daq.rig import Rig, rig_from_text
-from twin.observer import EstimateStatus
+from twin.estimate import EstimateStatus
 from twin.resume import values_at
 
 PATIENCE = 5.0  # s for the twin to publish an estimate that it vouches for

@@ -13,9 +13,9 @@ from twin.fault import Fault
 from twin.windows import Window
 
 QUIET = 1.3  # times the probes' noise that a steady orbit's fit may leave
-EVEN = 0.2  # rad/s by which the speed may vary
+EVEN = 0.2  # rad/s by which the speed may vary in nine tenths of a window
 REFERENCE = 2  # windows whose mean is the orbit that others are compared with
-USUAL, THRESHOLD, MOST = 4.0, 30.0, 25.0  # of the cumulative sum of mean squares of deviations
+USUAL, THRESHOLD, MOST = 1.5, 8.0, 7.0  # of the cumulative sum of mean squares of deviations
 SPEED_STEP = 0.5  # rad/s by which speeds are told apart
 
 
@@ -42,7 +42,7 @@ class ProbeWatch:
     def add(self, window: Window) -> list[Fault]:
         """Take in a window and return what it proves."""
         speed = float(np.mean(window.speed))
-        if np.ptp(window.speed) > EVEN or abs(speed) < EVEN or not window.free:
+        if np.ptp(np.quantile(window.speed, (0.05, 0.95))) > EVEN or abs(speed) < EVEN or not window.free:
             return []
         readings = window.probes[:, window.columns]
         orbit = steady_orbit(window.angle, window.time, readings, self._frequency, self._decay)

@@ -40,7 +40,7 @@ def resume(model: Model, values: Mapping[str, float]) -> Resumed:
     Args:
         model: as the rig's description has it; what the estimate does not say stays so.
         values: one column of an estimate by row name, SI units: tilt and its rate, house, ring, angle and
-            speed, and as far as they are estimated unbalance, static moment and `PARAMETERS`.
+            speed, and as far as they are estimated unbalance, coupling force and `PARAMETERS`.
 
     Raises:
         KeyError: the estimate lacks a row of the state.
@@ -54,14 +54,10 @@ def resume(model: Model, values: Mapping[str, float]) -> Resumed:
 
 
 def loaded(rotor: Rotor, values: Mapping[str, float]) -> Rotor:
-    """Return the rotor with the estimated unbalance and static moment; the coupling's force takes the moment.
-
-    What acts along x, and all of it where the coupling has no lever, cannot be put into a model.
-    """
+    """Return the rotor with the estimated unbalance and coupling; what pulls it along x fits no model."""
     if "unbalance_x" in values:
         x, y = values["unbalance_x"], values["unbalance_y"]
         rotor = rotor._replace(unbalance=hypot(x, y), unbalance_angle=atan2(y, x))
-    if "moment_y" in values and rotor.coupling_station != 0.0:
-        weight = rotor.mass * rotor.gravity * rotor.centre_of_mass_station
-        rotor = rotor._replace(coupling_force=(values["moment_y"] + weight) / rotor.coupling_station)
+    if "coupling_force_y" in values:
+        rotor = rotor._replace(coupling_force=values["coupling_force_y"])
     return rotor

@@ -12,6 +12,7 @@ from twin.windows import Window
 
 AUDIBLE = 1.0  # N from which a sample counts when gain and lag are looked at
 LEAST = 100  # such samples in a window
+REFERENCE = 4  # windows that tell what is usual
 SMOOTHED = 9  # samples whose mean is taken first, lest noise hide a lag
 OFFSET = 0.1  # N by which a mean without contact may vary
 GAIN = 0.02  # by which the ratio of two gains may vary
@@ -78,8 +79,11 @@ class TransducerWatch:
 
     def _compare(self, index: int, now: Pair, sample: int) -> list[Fault]:
         """Return what has changed between the two of a pair."""
-        self._seen[index].append((sample, now))
-        first = self._seen[index][0][1]
+        seen = self._seen[index]
+        seen.append((sample, now))
+        if len(seen) <= REFERENCE:
+            return []
+        first = combined([pair for _, pair in seen[:REFERENCE]])
         gain, lag = ratio(now.gain) / ratio(first.gain), now.lag - first.lag
         deviations = np.hypot(now.deviations, first.deviations)
         if self._gains[index].add(((gain - 1.0) / deviations[0]) ** 2, sample):
@@ -118,6 +122,15 @@ def facing(channels: list[Channel]) -> list[tuple[int, int]]:
         and one.station == other.station
         and abs(((one.angle_deg or 0.0) - (other.angle_deg or 0.0)) % 360.0 - 180.0) < 1e-6
     ]
+
+
+def combined(pairs: list[Pair]) -> Pair:
+    """Return the mean of pairs, each with the weight that its deviations deserve."""
+    values = np.array([[pair.gain, pair.lag] for pair in pairs])
+    weights = np.array([pair.deviations for pair in pairs]) ** -2.0
+    gain, lag = np.sum(weights * values, axis=0) / weights.sum(axis=0)
+    rms = np.mean([pair.rms for pair in pairs], axis=0)
+    return Pair(float(gain), float(lag), weights.sum(axis=0) ** -0.5, rms)
 
 
 def pair_of(readings: np.ndarray, rate: float) -> Pair | None:

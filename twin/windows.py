@@ -6,7 +6,7 @@ import numpy as np
 
 from daq.messages import Series
 from daq.rig import Rig
-from twin.observer import Estimated
+from twin.estimate import Estimated
 
 LENGTH = 0.5  # s
 
@@ -59,7 +59,7 @@ class Windows:
 
     def add(self, series: Series, estimated: Estimated) -> Window | None:
         """Take in the next block with its estimate; return a window when one is full."""
-        if estimated.restarted:
+        if estimated.missing:
             self._parts.clear()
         self._parts.append((series, estimated))
         begin = self._parts[0][0].first_sample

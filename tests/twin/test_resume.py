@@ -19,11 +19,10 @@ def values_of(simulation):
     """Return the state as a perfect estimate would have it."""
     values = dict(zip(STATE[:11], simulation.state[:11].tolist(), strict=True))
     rotor = simulation.model.rotor
-    weight = rotor.mass * rotor.gravity * rotor.centre_of_mass_station
     return values | {
         "unbalance_x": rotor.unbalance * np.cos(rotor.unbalance_angle),
         "unbalance_y": rotor.unbalance * np.sin(rotor.unbalance_angle),
-        "moment_y": rotor.coupling_station * rotor.coupling_force - weight,
+        "coupling_force_y": rotor.coupling_force,
         "friction": simulation.model.backup_bearing.friction,
     }
 
@@ -55,12 +54,12 @@ def test_the_simulator_goes_on_as_the_rig_does(running):
 
 def test_what_is_not_estimated_stays_as_described(running):
     values = values_of(running)
-    for row in ("unbalance_x", "unbalance_y", "moment_y", "friction"):
+    for row in ("unbalance_x", "unbalance_y", "coupling_force_y", "friction"):
         del values[row]
     assert resume(RIG.model, values).model == RIG.model
 
 
-def test_the_static_moment_moves_the_rotor_at_rest(running):
+def test_the_coupling_moves_the_rotor_at_rest(running):
     model, _ = resume(RIG.model, values_of(running))
     assert static_state(model) == pytest.approx(static_state(running.model), rel=1e-12)
 
@@ -73,7 +72,9 @@ def test_without_a_row_of_the_state_there_is_nothing_to_go_on_from(running):
 
 
 def test_draws_have_the_estimates_spread_and_the_descriptions_doubt(running):
-    values = values_of(running) | {"sigma_tilt_x": 1e-5, "sigma_friction": 0.02, "clearance": 1.4e-3}
+    station = RIG.model.rotor.bearing_station
+    sigmas = {"displacement_x_sigma": 1e-5 * station, "friction_sigma": 0.02}
+    values = values_of(running) | sigmas | {"clearance": 1.4e-3}
     rigs = drawn(RIG.model, values, 2000, seed=5)
     assert rigs[0].state == pytest.approx(resume(RIG.model, values).state)
     tilts = np.array([each.state[0] for each in rigs])
