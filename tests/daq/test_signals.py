@@ -17,7 +17,7 @@ def signals() -> Signals:
     """Every 5th sample of two messages with one missing between them."""
     rows = np.arange(8.0, dtype=np.float32).reshape(2, 4)
     parts = [Series(0.0, "run", first, 1000.0, 0, 5, NAMES, UNITS, rows + first) for first in (100, 140)]
-    return joined(parts, NAMES, 0, None)
+    return joined(parts, NAMES, 0, None, "the test")
 
 
 def test_the_columns_stand_at_their_times(signals):
