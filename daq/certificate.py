@@ -42,6 +42,7 @@ class Certificate:
         signal_digests: SHA-256 of the samples of block, estimate and truth, without run id and wall time.
         fingerprint: what the numbers depend on, see `daq.fingerprint`.
         clean: whether the run's end was seen.
+        continued: whether the recorder went on in the next part.
     """
 
     part: int
@@ -55,6 +56,7 @@ class Certificate:
     signal_digests: dict[str, str]
     clean: bool
     fingerprint: dict[str, str] = field(default_factory=dict)
+    continued: bool = False
 
     @property
     def lost(self) -> int:
@@ -185,9 +187,20 @@ class Ledger:
         """Return which samples a series has: of kind Block, Estimate or Truth."""
         return self._coverage.setdefault(kind, Coverage())
 
+    def end_of(self, kind: str) -> int:
+        """Return the index behind the last sample of a series, in this part or in those before."""
+        before = (end for key, end in self._skip.items() if keys.topic(key).message == kind)
+        return max(self.covered(kind).end, *before, 0)
+
     def reaches(self, kind: str, end: int) -> bool:
         """Whether a series is there up to the last block before `end`."""
-        return self.covered(kind).end > end - max(self._block, 1)
+        return self.end_of(kind) > end - max(self._block, 1)
+
+    def held(self) -> tuple[dict[str, int], set[bytes]]:
+        """Return what the next part is to leave out, as `leave_out` takes it."""
+        ends = {key: last + 1 for key, last in self._last_sample.items()}
+        ends |= {key: self.end_of(kind) for key, kind in self._kinds.items() if kind in SERIES}
+        return self._skip | ends, self._events
 
     def leave_out(self, ends: Mapping[str, int], events: Iterable[bytes]) -> None:
         """Leave out what an earlier part of the recording holds.
@@ -221,13 +234,16 @@ class Ledger:
             self._file.update(payload)
         return entry
 
-    def certificate(self, *, part: int, expected: int | None, clean: bool) -> Certificate:
+    def certificate(
+        self, *, part: int, expected: int | None, clean: bool, continued: bool = False
+    ) -> Certificate:
         """Return the account.
 
         Args:
             part: which part of the recording this is.
             expected: samples of the whole run; None: what the daq told, or up to the last that is there.
             clean: whether the run's end was seen.
+            continued: whether the next part follows.
         """
         end = next((known for known in (expected, self.end_sample) if known is not None), self.blocks.end)
         end = max(end, self.blocks.end, self.first_sample)
@@ -251,6 +267,7 @@ class Ledger:
             signal_digests=digests,
             clean=clean,
             fingerprint=numeric_fingerprint(),
+            continued=continued,
         )
 
     def _of_this_run(self, run: str) -> bool:

@@ -1,14 +1,18 @@
 """A recording with its continuations, read as one."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Self
 
+from daq.certificate import Certificate, Ledger
+from daq.messages import Series
 from daq.messages_pb2 import Description, Event
-from daq.recording_reader import Message, Recording
+from daq.recording_reader import Check, Message, Recording
 from daq.signals import Signals, joined
-from daq.storage import RecordingError, parts
+from daq.storage import RecordingError, part_path, parts
 from daq.timing import SampleClock
+
+VERDICTS = ("valid", "incomplete", "no certificate", "altered")  # from best to worst
 
 
 class RecordedRun:
@@ -67,6 +71,47 @@ class RecordedRun:
     def last(self, *topics: str) -> dict[str, Message]:
         """Return the last sound message of each topic."""
         return {key: message for file in self.files for key, message in file.last(*topics).items()}
+
+    def check(self, on_block: Callable[[Series], None] | None = None) -> Check:
+        """Compare each part with its certificate and make the account of all of them as of one.
+
+        Args:
+            on_block: called with each block on the way.
+
+        Returns:
+            The worst verdict of the parts and, where the parts leave samples out between them, incomplete.
+        """
+        checks = [file.check(on_block) for file in self.files]
+        account = checks[0].certificate if len(checks) == 1 else self._account(checks)
+        faults = [
+            (check.verdict, f"{file.path.name}: {check.reason}" if len(checks) > 1 else check.reason)
+            for file, check in zip(self.files, checks, strict=True)
+        ]
+        faults += [("incomplete", text) for text in self._missing(account)]
+        return Check(*max(faults, key=lambda fault: VERDICTS.index(fault[0])), account)
+
+    def _account(self, checks: Sequence[Check]) -> Certificate:
+        """Return the account of all parts, made anew from what they hold."""
+        ledger = Ledger(self.description.run, self.description.first_sample)
+        for message in self.messages():
+            ledger.admit(message.key, message.payload)
+        last = checks[-1].certificate
+        return ledger.certificate(
+            part=self.files[0].part,
+            expected=last.first_sample + last.expected,
+            clean=last.clean,
+            continued=last.continued,
+        )
+
+    def _missing(self, account: Certificate) -> Iterator[str]:
+        """Yield what is missing although each part is whole, in plain words."""
+        if len(self.files) > 1 and account.gaps:
+            yield f"{account.lost} samples are missing in {len(account.gaps)} gaps"
+        last = self.files[-1]
+        if last.certificate is not None and last.certificate.continued:
+            following = part_path(self.path, last.part + 1) if self.files[0].part == 1 else "what follows"
+            yield f"it goes on in {following}, which is missing"
+        yield from self.unreadable
 
     def events(self) -> list[Event]:
         """Return all events, in the order of the files."""

@@ -77,6 +77,7 @@ class RecordingWriter:
             raise RecordingError(
                 f"{path}: the run's sample rate is {description.rate} Hz: it must be positive"
             )
+        self.description = description
         self.ledger = Ledger(description.run, description.first_sample)
         self.part = part
         self.failure: RecordingError | None = None
@@ -95,6 +96,7 @@ class RecordingWriter:
             self._begin(description)
         except RecordingError:
             self._storage.close()
+            self.path.unlink(missing_ok=True)  # it holds nothing
             raise
 
     def __enter__(self) -> "RecordingWriter":
@@ -102,6 +104,16 @@ class RecordingWriter:
 
     def __exit__(self, kind: object, *_: object) -> None:
         self.close(clean=kind is None)
+
+    @property
+    def size(self) -> int:
+        """Bytes written so far."""
+        return self._storage.tell()
+
+    @property
+    def space(self) -> float:
+        """Bytes that may still be written before the disk is full, as of the last flush."""
+        return self._storage.space
 
     @property
     def samples(self) -> int:
@@ -171,6 +183,7 @@ class RecordingWriter:
         *,
         expected: int | None = None,
         clean: bool = True,
+        continued: bool = False,
         fingerprint: dict[str, str] | None = None,
     ) -> Certificate:
         """Write the certificate and the summary, sync and close; a second call changes nothing.
@@ -178,6 +191,7 @@ class RecordingWriter:
         Args:
             expected: samples of the whole run; None: what the daq's end event told.
             clean: whether the run's end was seen.
+            continued: whether the next part follows.
             fingerprint: what the estimates were made with; None: this computer's.
 
         Raises:
@@ -187,7 +201,10 @@ class RecordingWriter:
             return self._certificate
         failed_before = self.failure is not None
         certificate = self.ledger.certificate(
-            part=self.part, expected=expected, clean=clean and not failed_before
+            part=self.part,
+            expected=expected,
+            clean=clean and not failed_before,
+            continued=continued and not failed_before,
         )
         if fingerprint is not None:
             certificate = replace(certificate, fingerprint=fingerprint)
@@ -257,6 +274,7 @@ def recover(source: str | Path, target: str | Path) -> Recovered:
             certificate = writer.close(
                 expected=stored.first_sample + stored.expected if stored else None,
                 clean=stored.clean if stored else writer.ledger.end_sample is not None,
+                continued=stored.continued if stored else False,
                 fingerprint=stored.fingerprint if stored else {},
             )
     return Recovered(writer.path, certificate, damage)

@@ -286,7 +286,7 @@ class Recording:
             return "altered", f"what it holds differs from its certificate in {', '.join(different)}"
         if found.gaps:
             return "incomplete", f"{found.lost} samples are missing in {len(found.gaps)} gaps"
-        if not stored.clean:
+        if not (stored.clean or stored.continued):
             return "incomplete", "the recording ended before the run did"
         return "valid", ""
 

@@ -44,13 +44,21 @@ def prepare(path: str | Path) -> Path:
         raise RecordingError(f"{path} exists already: recordings are never overwritten, choose another name")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path.parent):
-            pass
+        with tempfile.TemporaryFile(dir=path.parent) as file:
+            full = free_space(file.fileno()) < 0
     except FileExistsError:
         raise RecordingError(f"{path.parent}: {REMEDIES[errno.ENOTDIR]}") from None
     except OSError as error:
         raise refusal(path.parent, error) from error
+    if full:
+        raise RecordingError(f"{path.parent}: {REMEDIES[errno.ENOSPC]}")
     return path
+
+
+def free_space(fd: int) -> int:
+    """Return how many bytes more an open file may take and be closed in order; below 0 when it may not."""
+    space = os.fstatvfs(fd)
+    return space.f_bavail * space.f_frsize - RESERVE
 
 
 def part_path(path: str | Path, part: int) -> Path:
@@ -84,6 +92,8 @@ class Storage:
             raise refusal(self.path, error) from error
         self.broken = False
         """Whether a write failed: the file then ends at the last mark."""
+        self.space: float = float("inf")
+        """Bytes that are free for more, as of the last sync."""
         self._position = 0
         self._marked = 0
         self._syncer = _Syncer(self._fd)
@@ -123,8 +133,8 @@ class Storage:
             raise refusal(self.path, self._syncer.failure)
         if os.fstat(self._fd).st_nlink == 0:
             raise RecordingError(f"{self.path}: the file was removed while it was being written")
-        space = os.fstatvfs(self._fd)
-        if space.f_bavail * space.f_frsize < RESERVE:
+        self.space = free_space(self._fd)
+        if self.space < 0:
             raise RecordingError(f"{self.path}: {REMEDIES[errno.ENOSPC]}")
 
     def close(self) -> None:

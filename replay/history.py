@@ -76,9 +76,9 @@ class RepeatableRun(RecordedRun):
                 "from the earlier parts; name the first one"
             )
         self.blocks = Coverage()
-        """Samples of the blocks that are there; filled by `check`."""
+        """Samples of the blocks that are there; filled by `check_files`."""
 
-    def check(self) -> list[Check]:
+    def check_files(self) -> list[Check]:
         """Compare each file with its certificate, and note which samples there are."""
         return [file.check(self._note) for file in self.files]
 
@@ -91,7 +91,7 @@ class RepeatableRun(RecordedRun):
             yield decode_series(message.payload)
 
     def in_order(self, messages: Iterable[Message]) -> Iterator[Message]:
-        """Yield blocks by their sample index, although one may have been recorded late; after `check`."""
+        """Yield blocks by their sample index, although one may have come late; after `check_files`."""
         holes = dict(self.blocks.gaps(0, self.blocks.end))
         expected, held = 0, list[tuple[int, int, Message]]()
         for message in messages:

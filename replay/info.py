@@ -11,7 +11,8 @@ import numpy as np
 from daq.messages import Series
 from daq.messages_pb2 import Event, Severity
 from daq.notes import notes_of
-from daq.recording import Check, Recording, parts
+from daq.recorded_run import RecordedRun
+from daq.recording import Check, parts
 from daq.rig import rig_from_text
 
 __all__ = ["brief", "info", "parts", "text"]
@@ -47,25 +48,27 @@ class Peaks:
 
 
 def info(path: str | Path) -> dict[str, Any]:
-    """Return what is in a recording, its account made anew. SI units; times in s since sample 0.
+    """Return what is in a recording and its continuations, the account made anew.
+
+    SI units; times in s since sample 0.
 
     Raises:
         RecordingError: no such file, or no recording.
     """
-    with Recording(path) as recording:
-        description = recording.description
+    with RecordedRun(path) as run:
+        description = run.description
         peaks = Peaks()
-        check = recording.check(peaks.take)
+        check = run.check(peaks.take)
         account = check.certificate
         rate = description.rate
         return {
-            "file": str(recording.path),
-            "bytes": recording.path.stat().st_size,
+            "file": str(run.path),
+            "bytes": sum(file.path.stat().st_size for file in run.files),
             "rig": description.rig,
             "mode": description.mode,
             "run": description.run,
-            "part": recording.part,
-            "continuations": [str(part) for part in parts(recording.path)[1:]],
+            "part": run.files[0].part,
+            "continuations": [str(part) for part in parts(run.path)[1:]],
             "start": utc(description.t0_ns),
             "start_uncertainty": description.t0_uncertainty_ns / 1e9,
             "start_source": description.t0_source,
@@ -77,13 +80,13 @@ def info(path: str | Path) -> dict[str, Any]:
             "gaps": [list(gap) for gap in account.gaps],
             "late_blocks": account.late,
             "channels": peaks.rows(description.toml),
-            "events": [_event(event, rate) for event in recording.events()],
+            "events": [_event(event, rate) for event in run.events()],
             "messages": account.messages,
-            "certificate": _certificate(recording, check),
+            "certificate": _certificate(run, check),
             "digests": {"file": account.file_digest, "signals": account.signal_digests},
             "versions": dict(description.versions),
             "meta": dict(description.meta),
-            "notes": [note._asdict() for note in notes_of(recording.path)],
+            "notes": [note._asdict() for note in notes_of(run.path)],
         }
 
 
@@ -137,15 +140,15 @@ def utc(ns: int) -> str:
     return datetime.fromtimestamp(ns // 10**9, UTC).replace(microsecond=ns % 10**9 // 1000).isoformat()
 
 
-def _certificate(recording: Recording, check: Check) -> dict[str, Any]:
-    stored = recording.certificate
+def _certificate(run: RecordedRun, check: Check) -> dict[str, Any]:
+    stored = run.files[-1].certificate
     return {
         "verdict": check.verdict,
         "reason": check.reason,
         "expected": check.certificate.expected,
         "received": check.certificate.received,
         "clean": check.certificate.clean,
-        "closed": recording.complete,
+        "closed": all(file.complete for file in run.files),
         "fingerprint": stored.fingerprint if stored else {},
     }
 

@@ -30,7 +30,7 @@ def rig_of(run: RepeatableRun) -> Rig:
 
 
 class Repetition:
-    """The live twin's processes run again, block by block; `run.check` must have been called.
+    """The live twin's processes run again, block by block; `run.check_files` must have been called.
 
     A process that was killed and its successor may both have been at work on the same blocks, and the
     recording holds one of their estimates. It does not say whose: both are made until `current`
@@ -96,7 +96,7 @@ def estimate(source: str | Path, target: str | Path, progress: Progress = lambda
         RigError: the rig has no model, or its description is not understood.
     """
     with RepeatableRun(source) as run:
-        run.check()
+        run.check_files()
         description = run.description
         twin = Twin(rig_of(run), description.run, description.t0_ns)
         with RecordingWriter(target, description) as writer:

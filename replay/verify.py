@@ -74,7 +74,7 @@ def verify(path: str | Path, progress: Progress = lambda sample: None) -> Verdic
         RigError: its rig description is lost or not understood.
     """
     with RepeatableRun(path) as run:
-        checks = run.check()
+        checks = run.check_files()
         altered = [check for check in checks if check.verdict == "altered"]
         history = run.history()
         if not history.end:

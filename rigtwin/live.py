@@ -35,6 +35,11 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     where.add_argument(
         "--record", type=Path, metavar="PATH", help="recording to write (default: recordings/...)"
     )
+    parser.add_argument(
+        "--rotate",
+        metavar="SIZE|TIME",
+        help="begin a new file of the recording whenever one is so large: 2GB, 500MB, 10min, 1h",
+    )
     where.add_argument("--no-record", action="store_true", help="keep no recording")
     add_meta_option(parser)
     add_view_option(parser)
@@ -89,12 +94,15 @@ def run(options: argparse.Namespace) -> int:
     """Run the rig; return 0 when all went as planned, 1 when the plan was cut short or something failed."""
     from daq.metadata import metadata_of
     from daq.ports import with_free_ports
+    from daq.rotation import rotation
     from daq.runtime import refuse_second
     from rigtwin.supervisor import StopRequest
 
     rig = rig_of(options)
     plan = plan_of(options, rig)
     metadata_of(options.meta)
+    if options.rotate:
+        rotation(options.rotate)  # refused now rather than by the recorder
     refuse_second(rig.name)
     rig = with_free_ports(rig)
     path = None if options.no_record else new_recording(options.record, rig.name)
@@ -144,6 +152,7 @@ def start(
     if path is not None:
         status = supervisor.monitor.endpoint
         recorder = ["twin", "record", "--rig", toml, "--file", str(path), "--connect", status]
+        recorder += ["--rotate", options.rotate] if options.rotate else []
         supervisor.add("recorder", recorder, again=lambda: [*recorder, *next_part_options(path)])
         waits.append("recorder")
     if rig.twin.model != "none":
@@ -220,11 +229,10 @@ def end_condition(
 
 def report_recording(supervisor: "Supervisor", path: Path) -> None:
     """Say what was recorded; a run that began and was not recorded has failed."""
-    from replay.info import brief, parts
+    from replay.info import brief
 
     if path.exists():
-        for part in parts(path):
-            supervisor.screen.line(brief(part))
+        supervisor.screen.line(brief(path))
         supervisor.screen.line(f"see it again: rigtwin replay {path}")
     elif supervisor.monitor.picture.time > 0.0:
         supervisor.failed = supervisor.failed or f"nothing was recorded in {path}"

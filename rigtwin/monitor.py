@@ -8,6 +8,8 @@ from daq.link import Inbox, Link, free_ports
 from daq.messages_pb2 import Event, Status, Summary, TwinSummary
 from daq.rig import Rig
 
+CALM = ("waiting", "recording")  # states of a recorder that has nothing to complain of
+
 
 @dataclass
 class Picture:
@@ -94,6 +96,7 @@ class Monitor:
             picture.state, picture.lag = status.state, status.lag
         elif status.process == "recorder":
             picture.recorded, picture.lost = status.samples, status.lost
+            picture.recorder_alarm = "" if status.state in CALM else status.state
 
     def _on_event(self, event: Event) -> None:
         if event.kind == "plan_end":

@@ -61,6 +61,7 @@ class Supervisor:
         self._restarts: dict[str, int] = {}
         self._announcements: dict[str, tuple[str, str]] = {}
         self._recording = recording
+        self._warned = ""
 
     def add(
         self, name: str, arguments: Sequence[str], again: Callable[[], Sequence[str]] | None = None
@@ -90,6 +91,7 @@ class Supervisor:
         for name in list(self._announcements):
             self._announce(name)
         picture = self.monitor.picture
+        self._warn(picture.recorder_alarm)
         self.screen.show(status_text(picture, self.rig, self._recording), picture.time)
 
     def finish(self, order: Sequence[str]) -> None:
@@ -107,6 +109,13 @@ class Supervisor:
             self._fail(f"{' and '.join(killed)} did not end in time and had to be killed")
         self.look(0.0)
         self.monitor.close()
+
+    def _warn(self, alarm: str) -> None:
+        """Say once what threatens the recording."""
+        kind = alarm.partition(":")[0]
+        if kind and kind != self._warned:
+            self.screen.line(f"warning: recorder: {alarm}")
+        self._warned = kind
 
     def _announce(self, name: str) -> None:
         start, text = self._announcements[name]

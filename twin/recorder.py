@@ -25,9 +25,11 @@ from daq.ports import as_it_runs
 from daq.presence import Presence
 from daq.recording import Recording, RecordingError, RecordingWriter, part_path, parts, prepare, series_end
 from daq.rig import Rig, load_rig
+from daq.rotation import Rotation, rotation
 
 PROCESS = "recorder"
 CAPACITY = 8192  # messages that may wait: about 15 s of a run
+SHORT = 120.0  # s for which the disk must have room, or the recorder warns
 ALARM = 0.5  # share of the capacity from which on the recorder says that it falls behind
 STATUS_PERIOD = 0.1  # s
 LOOK = 0.02  # s between two looks at the clock while nothing comes
@@ -52,11 +54,23 @@ class Recorder:
         path: the recording; part 2 and later go to files beside it.
         part: 1, or which continuation this is.
         after: last sample that the earlier parts hold; -1 for none.
+        rotation: how large a part may become.
     """
 
-    def __init__(self, rig: Rig, link: Link, path: Path, part: int = 1, after: int = -1) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        link: Link,
+        path: Path,
+        part: int = 1,
+        after: int = -1,
+        rotation: Rotation | None = None,
+    ) -> None:
         self.path = prepare(part_path(path, part))
         self.writer: RecordingWriter | None = None
+        self.closed: list[Certificate] = []
+        """Accounts of the parts that were closed."""
+        self._rotation = rotation or Rotation()
         self._rig, self._link = rig, link
         self._whole = path
         self._part, self._after = part, after
@@ -78,8 +92,8 @@ class Recorder:
                 link.subscribe(key, self._inbox, recover=topic.delivery is keys.Delivery.LOSSLESS)
         self._token = link.announce(keys.alive(rig.name, PROCESS))
 
-    def run(self, told_to_end: Flag) -> Certificate | None:
-        """Record until the run is over; return the account, or None when there was nothing to record.
+    def run(self, told_to_end: Flag) -> None:
+        """Record until the run is over.
 
         Args:
             told_to_end: set when nobody waits for the recorder any longer.
@@ -97,8 +111,7 @@ class Recorder:
         finally:
             self._inbox.close()
             if self.writer is not None:
-                certificate = self.writer.close(clean=self.writer.ledger.end_sample is not None)
-        return certificate if self.writer is not None else None
+                self.closed.append(self.writer.close(clean=self.writer.ledger.end_sample is not None))
 
     def _step(self) -> None:
         item = self._inbox.get(LOOK)
@@ -107,7 +120,7 @@ class Recorder:
         elif self.writer is not None:
             self.writer.tick()
         if time.monotonic() >= self._status_due:
-            self._tell("falling behind" if self._inbox.fill > ALARM else "")
+            self._tell(self._alarm())
 
     def _take(self, key: str, payload: bytes) -> None:
         is_status = key in self._quiet_topics
@@ -124,6 +137,40 @@ class Recorder:
                     print(
                         f"recorder: a message of {key} is not readable and is left out: {error}", flush=True
                     )
+
+        self._rotate_if_due(self.writer)
+
+    def _rotate_if_due(self, writer: RecordingWriter | None) -> None:
+        """Close the part that is full and go on in the next one, from the sample behind its last."""
+        if writer is None or writer.ledger.end_sample is not None or writer.failure is not None:
+            return
+        if not self._rotation.is_due(self._seconds(writer), writer.size):
+            return
+        self._part += 1
+        end = writer.ledger.end_of("Block")
+        following = Description()
+        following.CopyFrom(writer.description)
+        following.first_sample = end
+        path = part_path(self._whole, self._part)
+        self.writer = RecordingWriter(path, following, part=self._part)
+        self.writer.ledger.leave_out(*writer.ledger.held())
+        self.closed.append(writer.close(expected=end, clean=False, continued=True))
+
+    def _alarm(self) -> str:
+        """Return what threatens the recording, in plain words; empty when nothing does."""
+        if self._inbox.fill > ALARM:
+            return "falling behind"
+        writer = self.writer
+        seconds = self._seconds(writer) if writer else 0.0
+        left = writer.space * seconds / writer.size if writer else 0.0
+        if writer is None or seconds < 1.0 or left > SHORT:
+            return ""
+        return f"the disk is nearly full: {writer.space / 1e6:.0f} MB are left, for about {left:.0f} s"
+
+    def _seconds(self, writer: RecordingWriter) -> float:
+        """Return how much of the run a part holds, s."""
+        description = writer.description
+        return (writer.ledger.end_of("Block") - description.first_sample) / description.rate
 
     def _begin(self) -> RecordingWriter:
         """Open the file once the run has begun and the daq can tell when."""
@@ -164,8 +211,8 @@ class Recorder:
         assert self.writer is not None
         ledger = self.writer.ledger
         end = ledger.end_sample or 0
-        has_blocks = self.writer.lost == 0 and ledger.blocks.end >= end
-        has_truth = not ledger.covered("Truth").samples or ledger.reaches("Truth", end)
+        has_blocks = self.writer.lost == 0 and ledger.end_of("Block") >= end
+        has_truth = not ledger.end_of("Truth") or ledger.reaches("Truth", end)
         if elapsed < DAQ_DRAIN and not (has_blocks and has_truth and quiet):
             return False
         self._token.close()  # the daq waits for nothing else
@@ -177,17 +224,16 @@ class Recorder:
         """Publish the recorder's status; print an alarm when it begins."""
         now, cpu = time.monotonic(), time.process_time()
         writer = self.writer
-        blocks = writer.ledger.blocks if writer else None
         status = Status(
             timestamp=time.time(),
             run=writer.ledger.run if writer else "",
-            sample=blocks.end if blocks else 0,
+            sample=writer.ledger.end_of("Block") if writer else 0,
             process=PROCESS,
             monotonic_ns=time.monotonic_ns(),
             utc_ns=time.time_ns(),
             state=alarm or ("recording" if writer else "waiting"),
-            samples=writer.samples if writer else 0,
-            lost=writer.lost if writer else 0,
+            samples=sum(part.received for part in self.closed) + (writer.samples if writer else 0),
+            lost=sum(part.lost for part in self.closed) + (writer.lost if writer else 0),
             queue_fill=self._inbox.fill,
             cpu=(cpu - self._cpu) / max(now - self._wall, 1e-9),
         )
@@ -237,22 +283,32 @@ def behind(kind: str, payload: bytes) -> int:
     return series_end(decode_series(payload)) if kind in SERIES else read_header(payload).sample + 1
 
 
-def record(rig: Rig, path: Path, part: int, after: int, more: Sequence[str], told_to_end: Flag) -> int:
+def record(
+    rig: Rig,
+    path: Path,
+    part: int,
+    after: int,
+    rotation: Rotation,
+    more: Sequence[str],
+    told_to_end: Flag,
+) -> int:
     """Record a run; return 0 when its end was seen and 1 when it was not."""
     endpoints = [rig.link.endpoint(name) for name in ("daq", "twin", "operator")]
     with Link(connect=[*endpoints, *more]) as link:
-        recorder = Recorder(rig, link, path, part, after)
-        certificate = recorder.run(told_to_end)
-    if certificate is None:
+        recorder = Recorder(rig, link, path, part, after, rotation)
+        recorder.run(told_to_end)
+    if not recorder.closed:
         print("recorder: nothing was recorded: no run began", flush=True)
         return 0
-    end = "" if certificate.clean else ", without the end of the run"
+    *others, last = recorder.closed
+    rest = f" and {len(others)} more part{'s' * (len(others) > 1)}" if others else ""
+    end = "" if last.clean else ", without the end of the run"
     print(
-        f"recorder: {certificate.received} samples recorded, {certificate.lost} lost, "
-        f"in {recorder.path}{end}",
+        f"recorder: {sum(part.received for part in recorder.closed)} samples recorded, "
+        f"{sum(part.lost for part in recorder.closed)} lost, in {recorder.path}{rest}{end}",
         flush=True,
     )
-    return 0 if certificate.clean else 1
+    return 0 if last.clean else 1
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -262,7 +318,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     follow_parent(told_to_end.set)
     try:
         rig = as_it_runs(load_rig(options.rig))
-        return record(rig, options.file, options.part, options.after, options.connect, told_to_end)
+        parting = rotation(options.rotate) if options.rotate else Rotation()
+        return record(rig, options.file, options.part, options.after, parting, options.connect, told_to_end)
     except RecordingError as error:
         print(f"recorder: {error}", file=sys.stderr, flush=True)
         return 1
@@ -279,6 +336,12 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--part", type=int, default=1, metavar="N", help="which continuation of it to write")
     made.add_argument(
         "--after", type=int, default=-1, metavar="SAMPLE", help="last sample that the parts before hold"
+    )
+    made.add_argument(
+        "--rotate",
+        default="",
+        metavar="SIZE|TIME",
+        help="go on in a new part when one is as large, 2GB, 10min",
     )
     made.add_argument(
         "--connect",

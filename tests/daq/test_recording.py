@@ -21,6 +21,7 @@ from daq.fingerprint import numeric_fingerprint
 from daq.messages import BlockStatus
 from daq.messages_pb2 import Event
 from daq.recording import Recording, RecordingError, RecordingWriter, part_path, parts, prepare, recover
+from tests.daq.disk import small_disk
 from tests.daq.recorded_run import BLOCK, NAMES, RATE, RIG, T0_NS, Maker, description, record, samples
 
 ROOT = Path(__file__).parents[2]
@@ -450,13 +451,8 @@ def test_at_the_largest_file_size_what_is_there_stays_readable(tmp_path):
     assert recording.check().certificate.received >= writer.samples - 2 * BLOCK
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="needs root, to mount a small tmpfs")
 def test_before_the_disk_is_full_the_file_is_closed_in_order(tmp_path):
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=6m", "tmpfs", disk], check=False).returncode:
-        pytest.skip("may not mount")
-    try:
+    with small_disk(tmp_path / "disk", 6) as disk:
         writer, said = fill(disk / "run.mcap")
         recording = Recording(disk / "run.mcap")
         assert "the disk is full: free some space" in said
@@ -464,8 +460,6 @@ def test_before_the_disk_is_full_the_file_is_closed_in_order(tmp_path):
         assert recording.certificate.received == writer.samples
         assert recording.check()[:2] == ("incomplete", "the recording ended before the run did")
         recording.close()
-    finally:
-        subprocess.run(["umount", disk], check=True)
 
 
 def test_a_file_that_is_removed_while_it_is_written_is_noticed(tmp_path):

@@ -8,6 +8,7 @@ import pytest
 from analysis.impacts import compare_impacts, find_impacts
 from daq.recording import Recording, RecordingError
 from replay.verify import EQUIVALENT, IDENTICAL, verify
+from tests.daq.disk import small_disk
 from tests.end_to_end.rig_process import PATIENT, Running, gone, info, rigtwin, wait_until, with_pid
 
 LOUD = 5.0  # N: impacts above this must be found
@@ -98,6 +99,33 @@ def test_killed_recorder_goes_on_in_a_second_part_without_a_gap(tmp_path):
     assert not second.gaps
     assert info(tmp_path / "run.part2.mcap")["certificate"]["verdict"] == "valid"
     assert verify(path).verdict == EQUIVALENT  # part 1 has no certificate, so no fingerprint
+
+
+def test_a_file_that_is_removed_is_said_and_written_anew_while_the_rig_runs(tmp_path):
+    path = tmp_path / "run.mcap"
+    options = ("--plan", "none", "--duration", "8", "--view", "none")
+    with Running("live", *options, "--record", path, cwd=tmp_path) as run:
+        wait_until(lambda: recorded(path) > 25_000, "a second of recording")
+        path.unlink()
+        assert run.wait() == 0, run.said()
+        assert "the file was removed while it was being written; starting it again" in run.said()
+    found = info(path)  # all of it, as what the removed file held is in the caches still
+    assert (found["lost"], found["certificate"]["verdict"]) == (0, "valid")
+
+
+def test_a_disk_that_fills_up_ends_the_recording_but_not_the_run(tmp_path):
+    options = ("--plan", "none", "--duration", "14", "--view", "none")
+    with small_disk(tmp_path / "disk", 7) as disk:
+        path = disk / "run.mcap"
+        with Running("live", *options, "--record", path, cwd=tmp_path) as run:
+            assert run.wait() == 1, run.said()
+            assert "warning: recorder: the disk is nearly full" in run.said()
+            assert "the run did not go as planned: recorder: " in run.said()
+            assert samples_shown(run) > 13 * 25_000
+        found = info(path)
+        assert found["certificate"]["closed"]
+        assert found["gaps"] == []
+        assert found["samples"] > 25_000
 
 
 def test_stopped_recorder_loses_nothing(tmp_path):

@@ -1,8 +1,6 @@
 import os
 import resource
 import signal
-import subprocess
-import sys
 from collections import Counter
 from pathlib import Path
 
@@ -12,56 +10,10 @@ from daq import keys
 from daq.link import Inbox, Link, free_ports
 from daq.messages_pb2 import Status
 from daq.recording import Recording, parts
-from tests.daq.broadcast import PATIENCE, Broadcast, rig_with_ports, wait_until
+from tests.daq.broadcast import PATIENCE, Broadcast, wait_until
 from tests.daq.recorded_run import BLOCK, RIG, Maker, record
+from tests.twin.recorders import blocks, recorded, said
 from twin.recorder import Recorder, held, next_part
-
-RECORD = ("-P", "-m", "twin", "record")
-
-
-@pytest.fixture
-def rig(tmp_path):
-    return rig_with_ports(tmp_path)
-
-
-@pytest.fixture
-def start(tmp_path, rig):
-    """Start recorders; end those that are left."""
-    started = []
-
-    def run(path: Path, *options: object, before=None) -> subprocess.Popen:
-        arguments = [sys.executable, *RECORD, "--rig", rig[1], "--file", path, *options]
-        with (tmp_path / f"recorder{len(started)}.log").open("w") as log:
-            process = subprocess.Popen(
-                [str(word) for word in arguments],
-                stdin=subprocess.PIPE,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                preexec_fn=before,
-            )
-        process.log = Path(log.name)
-        started.append(process)
-        return process
-
-    yield run
-    for process in started:
-        process.kill()
-        process.stdin.close()
-        process.wait()
-
-
-def said(process: subprocess.Popen) -> list[str]:
-    return process.log.read_text().splitlines()
-
-
-def recorded(path: Path) -> list[tuple[str, bytes]]:
-    """All messages but the statuses."""
-    with Recording(path) as recording:
-        return [(m.key, m.payload) for m in recording.messages() if not m.key.endswith("/status")]
-
-
-def blocks(messages: list[tuple[str, bytes]]) -> list[bytes]:
-    return [payload for key, payload in messages if key == keys.block(RIG)]
 
 
 def samples_in(path: Path) -> int:
