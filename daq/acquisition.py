@@ -57,6 +57,7 @@ class Acquisition:
         self.lost = 0  # samples that the device lost so far
         self.ending = False  # nothing moves any more
         self.ended = False
+        self._rest_sample: int | None = None  # at which the rest for the run's end takes effect
         self.commands = Commands(rig, backend.capabilities.outputs)
         self._answers = Answers()
         self._backend = backend
@@ -199,7 +200,7 @@ class Acquisition:
     def rest(self) -> None:
         """Bring the rotor to rest for the run's end; no command moves it any more."""
         self.ending = True
-        self._write_rest()
+        self._rest_sample = self._write_rest()
 
     def end(self) -> None:
         """Publish what is left and the event `end`, whose detail `samples` is the run's last index plus 1."""
@@ -207,6 +208,8 @@ class Acquisition:
         self._events.advance(self.sample, ending=True)
         self.ending = self.ended = True
         details = {"samples": self.sample, "lost": self.lost}
+        if self._rest_sample is not None:
+            details["effect_sample"] = self._rest_sample
         text = f"run ended after {self.sample / self.rig.acquisition.rate:.2f} s"
         self._events.add("end", text, self.sample, details=details)
         self._backend.stop()

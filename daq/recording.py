@@ -21,6 +21,7 @@ from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
 from daq import keys, messages_pb2, overview
 from daq.certificate import Certificate, Ledger
+from daq.fingerprint import numeric_fingerprint
 from daq.messages_pb2 import Description
 from daq.overview import Overview
 from daq.recording_reader import (
@@ -67,12 +68,20 @@ class RecordingWriter:
         path: file to make; its folder is made too, an existing file is never overwritten.
         description: what the daq says of the run; its `first_sample` is where this part begins.
         part: 1, or which continuation of an interrupted recording this is.
+        fingerprint: what the estimates are made with; None: this computer's.
 
     Raises:
         RecordingError: the file cannot be made.
     """
 
-    def __init__(self, path: str | Path, description: Description, *, part: int = 1) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        description: Description,
+        *,
+        part: int = 1,
+        fingerprint: dict[str, str] | None = None,
+    ) -> None:
         if not description.rate > 0:
             raise RecordingError(
                 f"{path}: the run's sample rate is {description.rate} Hz: it must be positive"
@@ -80,6 +89,7 @@ class RecordingWriter:
         self.description = description
         self.ledger = Ledger(description.run, description.first_sample)
         self.part = part
+        self._fingerprint = numeric_fingerprint() if fingerprint is None else fingerprint
         self.failure: RecordingError | None = None
         """Why nothing more is written, once the disk has refused."""
         self._clock = SampleClock(description.t0_ns, description.rate)
@@ -184,7 +194,6 @@ class RecordingWriter:
         expected: int | None = None,
         clean: bool = True,
         continued: bool = False,
-        fingerprint: dict[str, str] | None = None,
     ) -> Certificate:
         """Write the certificate and the summary, sync and close; a second call changes nothing.
 
@@ -192,7 +201,6 @@ class RecordingWriter:
             expected: samples of the whole run; None: what the daq's end event told.
             clean: whether the run's end was seen.
             continued: whether the next part follows.
-            fingerprint: what the estimates were made with; None: this computer's.
 
         Raises:
             RecordingError: the disk refuses, where it had not refused before.
@@ -200,14 +208,13 @@ class RecordingWriter:
         if self._certificate is not None:
             return self._certificate
         failed_before = self.failure is not None
-        certificate = self.ledger.certificate(
+        account = self.ledger.certificate(
             part=self.part,
             expected=expected,
             clean=clean and not failed_before,
             continued=continued and not failed_before,
         )
-        if fingerprint is not None:
-            certificate = replace(certificate, fingerprint=fingerprint)
+        certificate = replace(account, fingerprint=self._fingerprint)
         self._certificate = certificate
         try:
             if not self._storage.broken:
@@ -230,6 +237,7 @@ class RecordingWriter:
         self.note("versions", dict(description.versions))
         if description.meta:
             self.note(META, dict(description.meta))
+        self.note("fingerprint", self._fingerprint)
         t0 = description.t0_ns
         self._mcap.add_attachment(t0, t0, RIG, "application/toml", description.toml.encode())
         table = channel_table(description.toml)
@@ -266,7 +274,10 @@ def recover(source: str | Path, target: str | Path) -> Recovered:
     """
     with Recording(source) as recording:
         stored = recording.certificate
-        with RecordingWriter(target, recording.description, part=recording.part) as writer:
+        made_with = recording.fingerprint
+        with RecordingWriter(
+            target, recording.description, part=recording.part, fingerprint=made_with
+        ) as writer:
             for message in recording.messages(heal=True):
                 writer.add(message.key, message.payload)
             damage = tuple(recording.damage)
@@ -275,7 +286,6 @@ def recover(source: str | Path, target: str | Path) -> Recovered:
                 expected=stored.first_sample + stored.expected if stored else None,
                 clean=stored.clean if stored else writer.ledger.end_sample is not None,
                 continued=stored.continued if stored else False,
-                fingerprint=stored.fingerprint if stored else {},
             )
     return Recovered(writer.path, certificate, damage)
 

@@ -141,6 +141,12 @@ class Recording:
         except ValueError:
             return None
 
+    @property
+    def fingerprint(self) -> dict[str, str]:
+        """What the estimates were made with, see `daq.fingerprint`; empty where that is not known."""
+        stored = self.certificate
+        return stored.fingerprint if stored else self.notes.get("fingerprint", {})
+
     def messages(self, *topics: str, heal: bool = False) -> Iterator[Message]:
         """Yield the messages, of all topics or of some, in the order of the file.
 

@@ -125,7 +125,7 @@ def changes(run: RepeatableRun) -> dict[str, tuple[str, str]]:
     here = numeric_fingerprint()
     found: dict[str, tuple[str, str]] = {}
     for file in run.files:
-        told = file.certificate.fingerprint if file.certificate else {}
+        told = file.fingerprint
         if not told:
             return {WHOLE: (NOT_KNOWN, here["functions"])}
         for name in here | told:

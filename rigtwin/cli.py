@@ -23,6 +23,7 @@ COMMANDS = (
     "rigtwin.recordings_command",
     "rigtwin.verify_command",
     "rigtwin.limits_command",
+    "rigtwin.fork_command",
     "rigtwin.export_command",
     "rigtwin.import_command",
     "rigtwin.predict_command",

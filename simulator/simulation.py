@@ -71,6 +71,14 @@ class Simulation:
         """A view of the candidates' damping factors."""
         return self.candidates[:, DAMPING_FACTOR]
 
+    def go_on_from(self, sample: int, state: np.ndarray, set_point: float) -> None:
+        """Go on at another sample from a state (12,), with the speed's set-point held where it is (rad/s)."""
+        self.sample = sample
+        self.state = checked_state(state)
+        self._ramp[:] = set_point, set_point, 1.0, sample
+        self._pulses = np.empty((0, PULSE_FIELDS))
+        self._flight = flight_at(self.model, self.tick, set_point)
+
     def advance(self, truth: np.ndarray) -> None:
         """Fill `truth` (17, n), float64, C-contiguous, with the next n samples, and step n ticks.
 

@@ -108,6 +108,11 @@ class Emulator:
         self._mishaps = Mishaps(faults, rate, self.capabilities.paced, len(rig.channels))
         self._clock = DeviceClock(self._now(), rate, faults)
 
+    def go_on_from(self, sample: int, state: NDArray[np.float64], set_point: float) -> None:
+        """Go on at another sample from a state (12,) and a set-point of the speed (rad/s)."""
+        self._running().go_on_from(sample, state, set_point)
+        self._next = sample
+
     @property
     def pace(self) -> tuple[float, float]:
         """When sample 0 was, s of the device's clock, and the samples that follow in each of its seconds."""
@@ -156,9 +161,13 @@ class Emulator:
         sample = earliest if at_sample is None else at_sample
         if isinstance(output, RestOutput):
             self._pending = sorted(entry for entry in self._pending if entry[0] <= reached)
+        self.schedule(sample, output)
+        return sample
+
+    def schedule(self, sample: int, output: Output) -> None:
+        """Let an output take effect at a sample that is still to be computed, without any latency."""
         heappush(self._pending, (sample, self._written, output))
         self._written += 1
-        return sample
 
     def stop(self) -> None:
         """End sampling; the simulated rig ends with it."""

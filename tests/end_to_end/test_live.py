@@ -7,7 +7,8 @@ import pytest
 
 from analysis.impacts import compare_impacts, find_impacts
 from daq.recording import Recording, RecordingError
-from replay.verify import EQUIVALENT, IDENTICAL, verify
+from replay.resimulation import resimulate
+from replay.verify import IDENTICAL, verify
 from tests.daq.disk import small_disk
 from tests.end_to_end.rig_process import PATIENT, Running, gone, info, rigtwin, wait_until, with_pid
 
@@ -37,6 +38,17 @@ def test_twin_sees_the_contact_force_that_no_sensor_sees(live_run):
     assert len(compared.pairs) > 20
     assert len(compared.missed) == 0
     assert np.median(np.abs(compared.peak_error)) <= 0.20
+
+
+def test_a_live_run_simulated_again_with_its_commands_at_their_samples_gives_the_same_bits(
+    live_run, tmp_path
+):
+    again = resimulate(live_run[0], tmp_path / "again.mcap")
+    with Recording(live_run[0]) as recording:
+        live = recording.certificate
+    assert again.received == live.received
+    for series in ("block", "truth"):
+        assert again.signal_digests[series] == live.signal_digests[series]
 
 
 def test_interrupt_ends_in_order_and_keeps_the_recording(tmp_path):
@@ -98,7 +110,9 @@ def test_killed_recorder_goes_on_in_a_second_part_without_a_gap(tmp_path):
     assert not first.gaps
     assert not second.gaps
     assert info(tmp_path / "run.part2.mcap")["certificate"]["verdict"] == "valid"
-    assert verify(path).verdict == EQUIVALENT  # part 1 has no certificate, so no fingerprint
+    assert (
+        verify(path).verdict == IDENTICAL
+    )  # part 1 has no certificate, but tells its fingerprint at its start
 
 
 def test_a_file_that_is_removed_is_said_and_written_anew_while_the_rig_runs(tmp_path):
@@ -121,7 +135,7 @@ def test_a_disk_that_fills_up_ends_the_recording_but_not_the_run(tmp_path):
             assert run.wait() == 1, run.said()
             assert "warning: recorder: the disk is nearly full" in run.said()
             assert "the run did not go as planned: recorder: " in run.said()
-            assert samples_shown(run) > 13 * 25_000
+            assert samples_shown(run) > 9.9 * 25_000
         found = info(path)
         assert found["certificate"]["closed"]
         assert found["gaps"] == []

@@ -1,0 +1,153 @@
+"""Forks of simulated recordings against what was true, and what makes them differ."""
+
+import json
+from math import atan2, hypot
+
+import numpy as np
+import pytest
+
+from daq.plan import plan_from_text
+from daq.recording import Recording
+from daq.rig import load_rig, rig_from_text
+from replay.fork import ForkError, fork
+from rigtwin.cli import main
+from rigtwin.simulate_command import simulate
+
+PLAN = """
+[plan]
+name = "free"
+description = "below the resonance, without contact"
+[[step]]
+do = "speed"
+speed_hz = 8.0
+ramp_hz_per_s = 20.0
+[[step]]
+do = "wait"
+duration = 0.4
+[[step]]
+do = "speed"
+speed_hz = 6.0
+ramp_hz_per_s = 5.0
+[[step]]
+do = "hit"
+solenoid = "horizontal"
+force = 5.0
+duration = 0.01
+[[step]]
+do = "wait"
+duration = 0.5
+"""
+TRUE = (9e-5, 1.2)  # kg m and rad: the unbalance that the rig has and its description does not tell
+NEAR = 2e-5  # rad of tilt, 6 µm at the probes: three times the estimate's error, which the free shaft keeps
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A run without contact, with an unbalance that the description does not tell."""
+    changes = [
+        f"emulator.actual.rotor.unbalance={TRUE[0]}",
+        f"emulator.actual.rotor.unbalance_angle={TRUE[1]}",
+    ]
+    rig = load_rig("thesis-ball", changes)
+    path = tmp_path_factory.mktemp("fork") / "run.mcap"
+    simulate(rig, plan_from_text(PLAN, rig), path)
+    return path
+
+
+def truth(path, first: int, last: int | None = None) -> dict[str, np.ndarray]:
+    with Recording(path) as recording:
+        found = recording.series("truth", first=first, last=last)
+    return {name: found[name].astype(float) for name in found.names}
+
+
+@pytest.mark.parametrize("at", [0.3, 0.6, 0.95])
+def test_without_a_change_it_follows_the_truth(recorded, tmp_path, at):
+    """From a ramp, from a steady speed and from a ramp down with a hit to come, for half a second."""
+    account = fork(recorded, tmp_path / "fork.mcap", at, seconds=0.5)
+    first = account.first_sample
+    assert first == round(at * 25_000) // 250 * 250
+    would, was = truth(tmp_path / "fork.mcap", first), truth(recorded, first, first + account.received - 1)
+    length = min(len(would["tilt_x"]), len(was["tilt_x"]))
+    assert length > 2000
+    moved = np.ptp(was["tilt_x"])
+    for name in ("tilt_x", "tilt_y"):
+        off = np.abs(would[name][:length] - was[name][:length]).max()
+        assert off < NEAR < 0.05 * moved
+    assert np.abs(would["angle"][:length] - was["angle"][:length]).max() < 0.03  # rad
+    assert np.abs(would["speed"][:length] - was["speed"][:length]).max() < 0.2  # rad/s
+
+
+def test_it_is_a_recording_like_any_other_and_says_where_it_comes_from(recorded, tmp_path):
+    path = tmp_path / "fork.mcap"
+    fork(recorded, path, 0.6, ["backup_bearing.clearance=0.0014"], seconds=0.2)
+    with Recording(path) as made, Recording(recorded) as source:
+        assert made.check()[:2] == ("valid", "")
+        assert made.notes["fork"] == {
+            "source": "run.mcap",
+            "sample": "15000",
+            "changes": "backup_bearing.clearance=0.0014",
+        }
+        assert made.description.run != source.description.run
+        assert made.clock.ns(15_000) == source.clock.ns(15_000)
+        assert made.series().first_sample == 15_000
+        model = rig_from_text(made.rig_toml).model
+        rotor = model.rotor
+        assert model.backup_bearing.clearance == 0.0014
+        assert rotor.unbalance == pytest.approx(TRUE[0], rel=0.05)
+        assert rotor.unbalance_angle == pytest.approx(TRUE[1], abs=0.05)
+        estimate = made.series("estimate", ["unbalance_x", "unbalance_y"])
+        assert hypot(*estimate.samples[:, -1]) == pytest.approx(TRUE[0], rel=0.1)
+        assert atan2(*estimate.samples[::-1, -1]) == pytest.approx(TRUE[1], abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "name", "least"),
+    [
+        ("command.hit=20", "normal_force", 10.0),
+        ("rotor.unbalance=3e-4", "tilt_x", 2e-4),
+        ("command.speed=3", "speed", 5.0),
+    ],
+)
+def test_what_is_changed_makes_a_difference(recorded, tmp_path, change, name, least):
+    account = fork(recorded, tmp_path / "fork.mcap", 0.6, [change], seconds=0.3)
+    first = account.first_sample
+    would, was = truth(tmp_path / "fork.mcap", first), truth(recorded, first, first + account.received - 1)
+    length = min(len(would[name]), len(was[name]))
+    assert np.abs(would[name][:length] - was[name][:length]).max() > least
+    assert np.abs(would["tilt_x"][0] - was["tilt_x"][0]) < NEAR
+
+
+@pytest.mark.parametrize(
+    ("at", "changes", "words"),
+    [
+        (0.01, [], "the estimate at 0.010 s is not valid"),
+        (99.0, [], "holds no estimate at 99.000 s"),
+        (-1.0, [], "--at -1: name a time of the recording"),
+        (float("nan"), [], "--at nan"),
+        (0.6, ["command.hit=1e9"], "horizontal hits with up to"),
+        (0.6, ["command.hit=hard"], "'hard' is no number"),
+        (0.6, ["command.speed=400"], "the rig's speed is 0 to 25 Hz"),
+    ],
+)
+def test_what_cannot_be_forked_is_refused(recorded, tmp_path, at, changes, words):
+    with pytest.raises(ForkError, match=words):
+        fork(recorded, tmp_path / "fork.mcap", at, changes)
+    assert not (tmp_path / "fork.mcap").exists()
+
+
+def test_the_command_says_what_it_made(recorded, tmp_path, capsys):
+    out = tmp_path / "fork.mcap"
+    assert (
+        main(
+            ["fork", str(recorded), "--at", "0.6", "--for", "0.1", "--set", "command.hit=20", "-o", str(out)]
+        )
+        == 0
+    )
+    assert "certificate valid" in capsys.readouterr().out
+    assert main(["info", str(out), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["first_sample"] == 15_000
+    assert (
+        main(["fork", str(recorded), "--at", "0.6", "--set", "rotor.masss=1", "-o", str(tmp_path / "x.mcap")])
+        == 2
+    )
+    assert "masss" in capsys.readouterr().err
