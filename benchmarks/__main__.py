@@ -18,6 +18,7 @@ SCRIPTS = (
     "recording",
     "exports",
     "reading",
+    "replay",
     "display",
     "simulator",
     "twin",

@@ -87,6 +87,17 @@ class Certificate:
             raise ValueError(f"the certificate is not readable: {error}") from error
 
 
+class Check(NamedTuple):
+    """What came of comparing a recording with its certificate."""
+
+    verdict: str
+    """valid, incomplete, altered, or no certificate."""
+    reason: str
+    """Why, in plain words; empty when valid."""
+    certificate: Certificate
+    """The account, made anew from what the file holds."""
+
+
 class Coverage:
     """Stretches of the sample index, joined where they touch."""
 

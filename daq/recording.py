@@ -20,7 +20,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
 from daq import keys, messages_pb2, overview
-from daq.certificate import Certificate, Ledger
+from daq.certificate import Certificate, Check, Ledger
 from daq.fingerprint import numeric_fingerprint
 from daq.messages_pb2 import Description
 from daq.overview import Overview
@@ -29,7 +29,6 @@ from daq.recording_reader import (
     FACTS,
     META,
     RIG,
-    Check,
     Message,
     Recording,
 )

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from daq import keys
-from daq.certificate import Certificate, Ledger
+from daq.certificate import Certificate, Check, Ledger
 from daq.messages import Series, decode_series
 from daq.messages_pb2 import Description, Event
 from daq.record_index import Index, scanned_chunk, stored_index
@@ -46,17 +46,6 @@ class Message(NamedTuple):
     sequence: int
     """Block number of a block; of the others, a count within their topic."""
     payload: bytes
-
-
-class Check(NamedTuple):
-    """What came of comparing a recording with its certificate."""
-
-    verdict: str
-    """valid, incomplete, altered, or no certificate."""
-    reason: str
-    """Why, in plain words; empty when valid."""
-    certificate: Certificate
-    """The account, made anew from what the file holds."""
 
 
 class Recording:
