@@ -77,7 +77,7 @@ class Simulation:
         self.state = checked_state(state)
         self._ramp[:] = set_point, set_point, 1.0, sample
         self._pulses = np.empty((0, PULSE_FIELDS))
-        self._flight = flight_at(self.model, self.tick, set_point)
+        self._flight = flight_of(self.model, self.tick)
 
     def advance(self, truth: np.ndarray) -> None:
         """Fill `truth` (17, n), float64, C-contiguous, with the next n samples, and step n ticks.
