@@ -14,6 +14,7 @@ Tests of outputs are skipped where the device declares none, or where the rig ha
 `motor_speed_command` on which an output shows.
 """
 
+import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
@@ -24,10 +25,13 @@ import pytest
 from numpy.typing import NDArray
 
 from daq.backend import Backend, BackendError, PastSampleError, RestOutput, SpeedOutput
+from daq.messages import BlockStatus
 from daq.rig import Rig
 
 PATIENCE = 30.0
 """s that a device may take to deliver what a test waits for."""
+PAUSE = 0.2
+"""s for which a reader pauses."""
 SPEED = 30.0
 RAMP = 300.0
 SHOWS_ON = "motor_speed_command"
@@ -175,6 +179,51 @@ class BackendConformance(ABC):
         backend.stop()
         backend.start()
         self.collect(backend, 500)
+
+    def test_a_reader_that_pauses_gets_all_or_is_told(self, backend: Backend) -> None:
+        """After a pause the samples follow without a gap, or the reading behind the gap says so."""
+        out = np.empty((len(self.rig.channels), self.rig.acquisition.read))
+        time.sleep(PAUSE)
+        expected = 0
+
+        def read() -> bool:
+            nonlocal expected
+            reading = backend.read(out)
+            if reading.n_samples:
+                assert reading.first_sample >= expected
+                assert reading.first_sample == expected or reading.flags & BlockStatus.OVERRUN
+                expected = reading.first_sample + reading.n_samples
+            return expected >= 1.5 * PAUSE * self.rig.acquisition.rate
+
+        self.until(read)
+
+    def test_an_unplugged_device_is_an_error(self, backend: Backend) -> None:
+        """Who reads, or asks for the clock, learns that the device is gone; `close` still does no harm."""
+        self.collect(backend, 100)
+        self.unplug(backend)
+        out = np.empty((len(self.rig.channels), self.rig.acquisition.read))
+
+        def read() -> bool:
+            backend.clock()
+            backend.read(out)
+            return False
+
+        with pytest.raises(BackendError):
+            self.until(read)
+        backend.close()
+
+    def test_close_leaves_no_thread_behind(self) -> None:
+        """What a device started for itself has ended after `close`."""
+        before = set(threading.enumerate())
+        backend = self.new_backend()
+        backend.open(self.rig)
+        backend.start()
+        backend.close()
+        assert set(threading.enumerate()) <= before
+
+    def unplug(self, backend: Backend) -> None:
+        """Take the device away, as a pulled cable does. Where that cannot be done the test is skipped."""
+        pytest.skip("the device cannot be unplugged by a program")
 
     def output_row(self, backend: Backend) -> int:
         """Return the row on which a speed output shows, or skip the test."""

@@ -27,6 +27,10 @@ class TestEmulatedDevice(BackendConformance):
     def new_backend(self):
         return make_backend("emulated-device")
 
+    def unplug(self, backend):
+        backend._process.kill()
+        backend._process.wait()
+
 
 class TestSlowCoarseEmulator(BackendConformance):
     rig = load_rig("thesis-ball", ["acquisition.rate=10000.0", "acquisition.read=30", "acquisition.block=90"])

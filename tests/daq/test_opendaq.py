@@ -32,6 +32,9 @@ class TestOpenDaq(BackendConformance):
     def new_backend(self):
         return make_backend("opendaq")
 
+    def unplug(self, backend):
+        backend._instance.remove_device(backend._device)
+
 
 def stream(path, seconds):
     """Record so many seconds of the device, through acquisition and writer."""
