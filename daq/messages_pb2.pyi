@@ -149,8 +149,24 @@ class Summary(_message.Message):
     force_maximum: float
     def __init__(self, timestamp: _Optional[float] = ..., run: _Optional[str] = ..., first_sample: _Optional[int] = ..., n_samples: _Optional[int] = ..., speed_hz: _Optional[float] = ..., radius_maximum: _Optional[float] = ..., force_maximum: _Optional[float] = ...) -> None: ...
 
+class Parameter(_message.Message):
+    __slots__ = ("name", "unit", "value", "sigma", "told", "key")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    UNIT_FIELD_NUMBER: _ClassVar[int]
+    VALUE_FIELD_NUMBER: _ClassVar[int]
+    SIGMA_FIELD_NUMBER: _ClassVar[int]
+    TOLD_FIELD_NUMBER: _ClassVar[int]
+    KEY_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    unit: str
+    value: float
+    sigma: float
+    told: bool
+    key: str
+    def __init__(self, name: _Optional[str] = ..., unit: _Optional[str] = ..., value: _Optional[float] = ..., sigma: _Optional[float] = ..., told: _Optional[bool] = ..., key: _Optional[str] = ...) -> None: ...
+
 class TwinSummary(_message.Message):
-    __slots__ = ("timestamp", "run", "first_sample", "n_samples", "speed_hz", "amplitude_1x", "phase_1x", "contact_force_maximum", "orbit_maximum", "regime", "valid", "residual_rms", "impacts")
+    __slots__ = ("timestamp", "run", "first_sample", "n_samples", "speed_hz", "amplitude_1x", "phase_1x", "contact_force_maximum", "orbit_maximum", "regime", "valid", "residual_rms", "impacts", "parameters", "not_told")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     RUN_FIELD_NUMBER: _ClassVar[int]
     FIRST_SAMPLE_FIELD_NUMBER: _ClassVar[int]
@@ -164,6 +180,8 @@ class TwinSummary(_message.Message):
     VALID_FIELD_NUMBER: _ClassVar[int]
     RESIDUAL_RMS_FIELD_NUMBER: _ClassVar[int]
     IMPACTS_FIELD_NUMBER: _ClassVar[int]
+    PARAMETERS_FIELD_NUMBER: _ClassVar[int]
+    NOT_TOLD_FIELD_NUMBER: _ClassVar[int]
     timestamp: float
     run: str
     first_sample: int
@@ -177,7 +195,9 @@ class TwinSummary(_message.Message):
     valid: bool
     residual_rms: float
     impacts: int
-    def __init__(self, timestamp: _Optional[float] = ..., run: _Optional[str] = ..., first_sample: _Optional[int] = ..., n_samples: _Optional[int] = ..., speed_hz: _Optional[float] = ..., amplitude_1x: _Optional[float] = ..., phase_1x: _Optional[float] = ..., contact_force_maximum: _Optional[float] = ..., orbit_maximum: _Optional[float] = ..., regime: _Optional[str] = ..., valid: _Optional[bool] = ..., residual_rms: _Optional[float] = ..., impacts: _Optional[int] = ...) -> None: ...
+    parameters: _containers.RepeatedCompositeFieldContainer[Parameter]
+    not_told: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, timestamp: _Optional[float] = ..., run: _Optional[str] = ..., first_sample: _Optional[int] = ..., n_samples: _Optional[int] = ..., speed_hz: _Optional[float] = ..., amplitude_1x: _Optional[float] = ..., phase_1x: _Optional[float] = ..., contact_force_maximum: _Optional[float] = ..., orbit_maximum: _Optional[float] = ..., regime: _Optional[str] = ..., valid: _Optional[bool] = ..., residual_rms: _Optional[float] = ..., impacts: _Optional[int] = ..., parameters: _Optional[_Iterable[_Union[Parameter, _Mapping]]] = ..., not_told: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class Status(_message.Message):
     __slots__ = ("timestamp", "run", "sample", "process", "monotonic_ns", "utc_ns", "state", "lease_holder", "first_out", "backend", "samples", "lost", "lag", "queue_fill", "cpu")

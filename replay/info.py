@@ -14,6 +14,7 @@ from daq.notes import notes_of
 from daq.recorded_run import RecordedRun
 from daq.recording import Check, parts
 from daq.rig import rig_from_text
+from replay import found
 
 __all__ = ["brief", "info", "parts", "text"]
 
@@ -82,6 +83,7 @@ def info(path: str | Path) -> dict[str, Any]:
             "channels": peaks.rows(description.toml),
             "events": [_event(event, rate) for event in run.events()],
             "messages": account.messages,
+            "twin": found.facts(found.last_summary(run.files[-1])),
             "certificate": _certificate(run, check),
             "digests": {"file": account.file_digest, "signals": account.signal_digests},
             "versions": dict(description.versions),
@@ -109,6 +111,7 @@ def text(facts: dict[str, Any]) -> str:
         "",
         *_told_lines(facts),
         *_event_lines(facts),
+        *found.lines(facts["twin"]),
     ]
     return "\n".join(lines)
 

@@ -25,6 +25,12 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     )
     twin.add_argument("file", type=Path, metavar="FILE")
     twin.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help="recording to write")
+    twin.add_argument(
+        "--rig-out",
+        type=Path,
+        metavar="FOUND.toml",
+        help="also write the parameters that the data have told, as a rig description; it must not exist",
+    )
     twin.set_defaults(run=run_twin)
 
 
@@ -41,11 +47,31 @@ def run_verify(options: argparse.Namespace) -> int:
 
 def run_twin(options: argparse.Namespace) -> int:
     """Estimate anew and say what came of it."""
+    from daq.recording import Recording, RecordingError
+    from replay import found
     from replay.info import brief
     from replay.rerun import estimate
     from rigtwin.progress import progress
 
+    if options.rig_out and options.rig_out.exists():
+        raise RecordingError(f"{options.rig_out} exists already; rigtwin overwrites nothing, choose another")
     with progress(options.file) as advance:
         estimate(options.file, options.output, advance)
     print(brief(options.output))
+    with Recording(options.output) as recording:
+        print("\n".join(found.lines(found.facts(found.last_summary(recording)))))
+        if options.rig_out:
+            write_rig(options.rig_out, found.found_rig(recording))
     return 0
+
+
+def write_rig(path: Path, text: str) -> None:
+    """Write a rig description; an existing file is refused."""
+    from daq.recording import RecordingError
+
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be written: {error.strerror}") from error
+    print(f"{path} holds what was found; compare: rigtwin rig show {path}")

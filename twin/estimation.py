@@ -7,7 +7,7 @@ import numpy as np
 from daq import keys
 from daq.events import EventCounter
 from daq.messages import SeriesEncoder, decode_series
-from daq.messages_pb2 import INFO, WARNING, Severity
+from daq.messages_pb2 import INFO, WARNING, Parameter, Severity
 from daq.regions import KIND, Regions
 from daq.rig import Rig
 from twin.estimate import STRIDE, Estimated, EstimateStatus
@@ -82,6 +82,9 @@ class Twin:
         """Return the summary's message, and an event when the regime has changed."""
         summary, change = self._findings.summarise()
         summary.timestamp, summary.run = self._time(summary.first_sample), self.run
+        found, not_told = self.observer.identified()
+        summary.parameters.extend(Parameter(**each._asdict()) for each in found)
+        summary.not_told.extend(not_told)
         messages = [(self._keys[1], summary.SerializeToString(deterministic=True))]
         end = summary.first_sample + summary.n_samples
         if change:

@@ -18,7 +18,7 @@ from simulator.rig import Model
 from twin.layout import TILT, TILT_RATE, Memory, Sensors
 from twin.linear import discretise
 
-FORCE_WALK = 3000.0  # N/sqrt(s) at the backup bearing: how fast the contact force is taken to wander
+FORCE_WALK = 100.0  # N/sqrt(s) at the backup bearing: how fast the contact force is taken to wander
 GAIN_TICKS = 4000  # until the gain is constant
 WARM_TICKS = 250  # after which its state is as certain as it gets
 

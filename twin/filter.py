@@ -33,6 +33,7 @@ RATE_DOUBT = 1.0  # rad/s
 HOUSE_DOUBT = 1e-6  # m
 HOUSE_RATE_DOUBT = 2e-3  # m/s
 RING_DOUBT = 20.0  # rad/s
+SURPRISE_SHARE = 0.1  # of a tick's innovations in the mean that tells of an unforeseen contact
 
 
 class Tally(NamedTuple):
@@ -103,7 +104,7 @@ def correct_all(
     tally: Tally,
 ) -> None:
     """Correct by every sensor whose reading at sample `k` is within its range; keep the innovations."""
-    state = memory.state
+    state, total, count = memory.state, 0.0, 0
     for i in range(sensors.channel.size):
         reading = float(samples[sensors.channel[i], k])
         if not sensors.low[i] < reading < sensors.high[i]:
@@ -116,9 +117,14 @@ def correct_all(
             residuals[i, column] = innovation
         tally.squares[i] += innovation * innovation
         tally.counts[i] += 1.0
-        tally.ratios[i] += correct(
+        ratio = correct(
             state, memory.covariance, weights, columns, innovation, sensors.variance[i], memory.vector_work
         )
+        tally.ratios[i] += ratio
+        total += ratio
+        count += 1
+    if count:
+        memory.surprise[0] += SURPRISE_SHARE * (total / count - memory.surprise[0])
 
 
 @kernel
@@ -153,3 +159,4 @@ def forget_motion(memory: Memory) -> None:
         memory.covariance[HOUSE + axis, HOUSE + axis] = HOUSE_DOUBT**2
         memory.covariance[HOUSE_RATE + axis, HOUSE_RATE + axis] = HOUSE_RATE_DOUBT**2
     memory.covariance[RING, RING] = RING_DOUBT**2
+    memory.surprise[0] = 1.0

@@ -91,7 +91,8 @@ class Memory(NamedTuple):
     transition: np.ndarray  # (DYNAMIC, SIZE) of small deviations of what moves, this tick
     force: np.ndarray  # (1,) N, normal force of the contact at the tick's middle
     tells: np.ndarray  # (2,) 1 where the contact tells of its damping and of its friction, else 0
-    near: np.ndarray  # (1,) m, standard deviation of the penetration in a tick that may touch, else 0
+    near: np.ndarray  # (2,) m, deviation of the penetration in a tick that may touch, else 0; the gap
+    surprise: np.ndarray  # (1,) innovations' squares over their expectation, mean of some ten ticks
     energy: np.ndarray  # (3,) J lost in the contact, its standard deviation, 1 while open
     weight: np.ndarray  # (2,) N m, moment of the rotor's weight along x, y
     rates: np.ndarray  # (DYNAMIC, DYNAMIC) scratch
@@ -122,7 +123,8 @@ def new_memory() -> Memory:
         transition=np.zeros((DYNAMIC, SIZE)),
         force=np.zeros(1),
         tells=np.zeros(2),
-        near=np.zeros(1),
+        near=np.zeros(2),
+        surprise=np.ones(1),
         energy=np.array([0.0, 0.0, 1.0]),
         weight=np.zeros(2),
         rates=np.zeros((DYNAMIC, DYNAMIC)),

@@ -45,6 +45,7 @@ from twin.fallback import (
     tilt_variance,
 )
 from twin.filter import Tally, forget_motion, observe, restart
+from twin.identification import Parameter, identified, not_told
 from twin.inputs import feeds_of, sensors_of
 from twin.layout import (
     CLEARANCE,
@@ -97,6 +98,7 @@ class Observer:
         self.feeds = feeds_of(rig)
         self.tick = tick_of(self.model, 1.0 / rig.acquisition.rate)
         self.memory = first_memory(rig.model, self.tuning)
+        self._first = first_memory(rig.model, self.tuning)
         self.fallback = fallback_of(self.model, self.tick.length, tilt_variance(self.sensors))
         self.expected: int | None = None
         self._settled_from = 0
@@ -127,6 +129,13 @@ class Observer:
         estimated = self._run(series, start, status, missing)
         self.expected = series.first_sample + series.samples.shape[1]
         return estimated
+
+    def identified(self) -> tuple[list[Parameter], list[str]]:
+        """Return the rig's parameters as found so far, and what the data cannot tell, in plain words."""
+        return (
+            identified(self.described, self.memory, self._first),
+            not_told(self.memory, self._first),
+        )
 
     def _check(self, series: Series) -> None:
         """Refuse a block of another rig or from the past."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from simulator.candidates import SLIDING
 from simulator.compile import kernel
-from simulator.contact import Contact, penetration
+from simulator.contact import PINNED, Contact, penetration
 from simulator.dynamics import Tick, collide, contact_substeps, may_touch
 from simulator.numeric import sine_cosine
 from simulator.rig import Model
@@ -55,7 +55,9 @@ STIFFNESS_STEP = 1e-3  # likewise, of the relative change of K; what is left act
 DAMPING_STEP = 0.02  # likewise, of c
 FREE_DOUBLINGS = 1  # halvings of the tick for the house's modes: 0.2 rad a half tick
 NEAR = 2e-4  # m from the wall within which it is asked how well the distance is known
-MARGIN = 2.0  # standard deviations of that distance within which the shaft may touch
+SURPRISING = 3.0  # times their expected variance, from which the innovations tell of an unforeseen contact
+SURPRISE_REACH = 6e-5  # m from the wall within which they may
+MARGIN = 3.0  # standard deviations of that distance within which the shaft may touch
 CAUTION = 2.0  # times the force by which the contact's curvature may mislead the filter
 SLIDES = 0.7  # of the friction of full sliding, below which the contact rolls and says nothing of friction
 DAMPS = 0.01  # of the normal force, below which the damping's share says nothing of it
@@ -77,29 +79,60 @@ def predict(
     total_x += moment_x
     total_y += moment_y
     before = state_of(memory.state, memory.shaft)
-    now = adjusted(model, memory)
-    depth = penetration(now, memory.candidates, before)
-    memory.near[0] = depth_doubt(now, memory, before) if depth > -NEAR else 0.0
-    if may_touch(now, tick, before, depth + MARGIN * memory.near[0]):
-        after = through_contact(now, tick, memory, before, total_x, total_y)
-        contact_flow(now, tick, memory, before, after)
-        put(after, memory.state)
-        add_residual(memory)
-        fill_transition(memory, memory.flow, pull_x, pull_y)
-    else:
-        free_flow(now, memory, step)
+    memory.near[0], memory.near[1] = 0.0, gap(model, memory, before)
+    memory.force[0] = 0.0
+    if may_touch(model, tick, before, NEAR - memory.near[1]):
+        close_to_wall(model, tick, memory, before, total_x, total_y)
+    if memory.near[0] == 0.0:
+        free_flow(model, memory, step)
         fly(model, memory, total_x, total_y)
-        memory.near[0] = 0.0
         fill_transition(memory, memory.free_flow, pull_x, pull_y)
+    else:
+        fill_transition(memory, memory.flow, pull_x, pull_y)
     add_magnet(model, memory.transition, before)
     carry(memory.transition, memory.covariance, memory.half_work, memory.turned_work, memory.square_work)
     ageing = step / tuning.residual_time
     age_residual(memory, 1.0 - ageing if memory.near[0] > 0.0 else 0.0)
-    spread(now, memory, tuning, step)
+    spread(model, memory, tuning, step)
     if memory.near[0] > 0.0:
-        curved = curvature_force(now, memory.candidates, depth, memory.near[0])
-        unknown = 2.0 * ageing * (CAUTION * curved) ** 2  # r then has CAUTION * curved as its deviation
-        spread_contact(memory, unknown, tuning, step)
+        curved = CAUTION * curvature_force(model, memory.candidates, -memory.near[1], memory.near[0])
+        spread_contact(memory, 2.0 * ageing * curved * curved, tuning, step)
+
+
+@kernel
+def close_to_wall(
+    model: Model,
+    tick: Tick,
+    memory: Memory,
+    before: State,
+    moment_x: float,
+    moment_y: float,
+) -> None:
+    """Advance the state by a tick if the shaft may touch in it, with the parameters as estimated.
+
+    Sets the tick's flow and, as a sign that it has acted, `memory.near[0]`: how well the distance is known.
+    When the sensors tell what cannot be without a contact, the wall must be nearer, by about the gap.
+    """
+    now = adjusted(model, memory)
+    depth = penetration(now, memory.candidates, before)
+    if memory.surprise[0] > SURPRISING and 0.0 < -depth < SURPRISE_REACH:
+        known = memory.covariance[CLEARANCE, CLEARANCE]
+        memory.covariance[CLEARANCE, CLEARANCE] = max(known, depth * depth)
+    doubt = depth_doubt(now, memory, before)
+    if not may_touch(now, tick, before, depth + MARGIN * doubt):
+        return
+    memory.near[0], memory.near[1] = doubt, -depth
+    after = through_contact(now, tick, memory, before, moment_x, moment_y)
+    contact_flow(now, tick, memory, before, after)
+    put(after, memory.state)
+    add_residual(memory)
+
+
+@kernel
+def gap(model: Model, memory: Memory, state: State) -> float:
+    """Return how far the wall is from the shaft (m), with the candidates as they were when last in use."""
+    clearance = 0.0 if model.backup_bearing.kind == PINNED else memory.state[CLEARANCE]
+    return clearance - penetration(model, memory.candidates, state)
 
 
 @kernel
@@ -171,10 +204,9 @@ def free_flow(model: Model, memory: Memory, step: float) -> None:
     )
     if not holds:
         at[0], at[1], at[2] = speed, state[MAGNET_STIFFNESS], state[MAGNET_DAMPING]
-        free_rates(model, speed, memory.rates)
+        free_rates(adjusted(model, memory), speed, memory.rates)
         input_rates(model, memory.free_inputs)
         discretise(memory.rates, memory.free_inputs, step, FREE_DOUBLINGS, memory.free_flow, memory.free_work)
-    memory.force[0] = 0.0
 
 
 @kernel

@@ -51,7 +51,7 @@ from twin.outputs import (
     VELOCITY,
 )
 from twin.parameters import adjusted
-from twin.prediction import state_of
+from twin.prediction import NEAR, state_of
 from twin.proximity import distance_doubt, outward
 from twin.slopes import contact_slopes, parameter_slopes
 from twin.tracking import ANGLE, SPEED
@@ -69,6 +69,11 @@ def report(
     the energy of the contact. Called at each sample, `step` seconds apart; each `stride`-th has a column.
     """
     state = state_of(memory.state, memory.shaft)
+    if column < 0 and memory.near[0] == 0.0 and memory.near[1] > NEAR:
+        memory.energy[LOSS_OPEN] = 1.0
+        place = described.rotor.bearing_station * sqrt(state.tilt_x**2 + state.tilt_y**2)
+        peak[1] = max(peak[1], place)
+        return
     model = adjusted(described, memory)
     force = contact_force(model, memory.candidates, state)
     nx, ny = outward(model, memory.candidates, state)
