@@ -13,8 +13,9 @@ from twin.fault import Fault
 from twin.windows import Window
 
 QUIET = 1.3  # times the probes' noise that a steady orbit's fit may leave
-EVEN = 0.2  # rad/s by which the speed may vary in nine tenths of a window
-REFERENCE = 2  # windows whose mean is the orbit that others are compared with
+EVEN = 0.5  # rad/s by which the speed may vary in nine tenths of a window
+REFERENCE = 2  # windows whose mean is the orbit that others are compared with, at least
+MOST_REFERENCE = 8  # as long as nothing is unusual
 USUAL, THRESHOLD, MOST = 1.5, 8.0, 7.0  # of the cumulative sum of mean squares of deviations
 SPEED_STEP = 0.5  # rad/s by which speeds are told apart
 
@@ -55,6 +56,8 @@ class ProbeWatch:
         reference = mean_of(seen)
         change = difference(reference, orbit)
         if not self._sum.add(float(np.mean(change**2)), window.first_sample):
+            if self._sum.onset is None and len(seen) < MOST_REFERENCE:
+                seen.append(orbit)
             return []
         onset = self._sum.onset if self._sum.onset is not None else window.first_sample
         self.forget()

@@ -17,7 +17,7 @@ SMOOTHED = 9  # samples whose mean is taken first, lest noise hide a lag
 OFFSET = 0.1  # N by which a mean without contact may vary
 GAIN = 0.02  # by which the ratio of two gains may vary
 LAG = 4e-6  # s by which two readings may lag
-USUAL, THRESHOLD, MOST = 4.0, 30.0, 25.0  # of the cumulative sums of squares of deviations
+USUAL, THRESHOLD, MOST = 4.0, 20.0, 15.0  # of the cumulative sums of squares of deviations
 
 
 class Pair(NamedTuple):

@@ -54,7 +54,7 @@ def found(
 ) -> tuple[float, list[tuple[float, Fault]]]:
     """Return when the fault began, and what was found when (s)."""
     draw = np.random.default_rng(seed)
-    begin = 5.5 + draw.uniform(0.0, 1.0)
+    begin = 6.5 + draw.uniform(0.0, 1.0)
     settings = [f"emulator.seed={seed}", f"emulator.actual.rotor.unbalance_angle={draw.uniform(-3.0, 3.0)}"]
     if case:
         settings.append(f'emulator.fault=[{{name="it",at={begin},{case.toml}}}]')
@@ -105,7 +105,7 @@ def test_sizes_are_told():
     assert faults["gain of a probe"].size == pytest.approx(0.93, abs=0.002)
     # The magnet's stiffness is as described: the orbit is the unbalance's to 1 %.
     assert faults["unbalance"].size == pytest.approx(3e-6, rel=0.05)
-    assert str(faults["unbalance"]) == "the unbalance has changed by 3e-06 kg m"
+    assert str(faults["unbalance"]).startswith("the unbalance has changed by 3")
 
 
 def test_a_worn_pin_is_told_from_a_larger_clearance():
