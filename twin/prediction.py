@@ -118,7 +118,7 @@ def close_to_wall(
     if memory.surprise[0] > SURPRISING and 0.0 < -depth < SURPRISE_REACH:
         known = memory.covariance[CLEARANCE, CLEARANCE]
         memory.covariance[CLEARANCE, CLEARANCE] = max(known, depth * depth)
-    doubt = depth_doubt(now, memory, before)
+    doubt = min(depth_doubt(now, memory, before), NEAR)  # without sensors it would feed on itself
     if not may_touch(now, tick, before, depth + MARGIN * doubt):
         return
     memory.near[0], memory.near[1] = doubt, -depth

@@ -99,6 +99,19 @@ def test_sensors_that_are_lost_amid_impacts_leave_an_estimate_with_wider_bands(c
         assert alone > np.concatenate([part.row(name) for part in whole.parts[501:]]).mean()
 
 
+def test_without_any_sensor_it_goes_on_by_the_model_and_says_that_it_knows_little():
+    run = case_run("thesis-ball", "mm", 7402)
+    whole, observer = observe(run), Observer(run.rig)
+    rows = [k for k, name in enumerate(run.rig.channels.names) if name.startswith(("force", "proximity"))]
+    for number, block in enumerate(run.blocks[:600]):
+        samples = block.samples.copy()
+        if number > 500:
+            samples[rows] = np.nan
+        part = observer.update(block._replace(samples=samples))
+        assert is_bounded(part)
+    assert part.row("displacement_x_sigma").mean() > 10 * whole.row("displacement_x_sigma")[-1]
+
+
 @pytest.mark.slow
 def test_ten_minutes_with_gaps_and_restarts():
     run, draw = case_run("thesis-pinned", "mm", 7403), np.random.default_rng(7403)
