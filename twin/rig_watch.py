@@ -10,7 +10,9 @@ from twin.walls import Walls, directed
 from twin.windows import Window
 
 LEAST_SUPPORT = 0.5  # share of the magnetic bearing's force below which it is lost
+LEAST_LOAD = 0.5  # share of the static moment that the magnet would have to carry where it lies
 WINDOWS = 2  # in a row
+VIOLENT = 200.0  # N of the transducers' resultant above which a window is not looked at
 LOUD = 15.0  # N of the transducers' resultant from which an impact is looked at
 AROUND = 1e-3  # s before and behind its peak in which the shaft is deepest
 APART = 5e-3  # s between two impacts' peaks
@@ -41,6 +43,8 @@ class RigWatch:
         if not self._to_force.size:
             return []
         tilt, force = self._to_tilt @ window.probes, -self._to_force @ window.forces
+        if np.hypot(*force).max() > VIOLENT:
+            return []
         return self._support(tilt, force, window) or self._contact(tilt, force, window)
 
     def forget(self) -> None:
@@ -53,7 +57,8 @@ class RigWatch:
         rotor, magnet = self._model.rotor, self._model.magnetic_bearing
         needed = static_moment(rotor) + rotor.bearing_station * float(force[1].mean())
         carried = magnet.stiffness * rotor.magnet_station**2 * float(tilt[1].mean())
-        if magnet.stiffness == 0.0 or carried == 0.0:
+        if magnet.stiffness == 0.0 or abs(carried) < LEAST_LOAD * abs(static_moment(rotor)):
+            self._unsupported = 0
             return []
         share = needed / carried
         self._unsupported = self._unsupported + 1 if share < LEAST_SUPPORT else 0
