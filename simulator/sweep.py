@@ -1,9 +1,9 @@
 """Many rigs that differ in some numbers, run through the same speeds side by side on all cores.
 
 Each rig is stepped by the very kernel that `Simulation` uses, one rig after another on each of some
-threads; the kernel releases the interpreter's lock, so that threads run at once. Only outcomes are kept: a
-rig takes about 25 kB, and for each leg 32 bytes and 16 for each point of its Poincare section; a thread
-takes 0.7 MB beside.
+threads; the kernel releases the interpreter's lock, so that threads run at once. Only outcomes are kept: for
+each rig its model, and for each leg 32 bytes and 16 for each point of its Poincare section; a thread takes
+0.7 MB beside.
 """
 
 from collections.abc import Mapping, Sequence
@@ -78,27 +78,33 @@ def sweep(
     speeds = np.array([np.broadcast_to(leg.speed, len(models)) for leg in legs], dtype=np.float64)
     for leg in legs:
         positive(leg.duration, "duration", "s")
-    rigs = [made(changed, number, rate) for number, changed in enumerate(models)]
-    outcomes = np.full((len(legs), len(rigs), OUTCOMES), np.nan)
-    section = np.full((len(legs), len(rigs), points, 2), np.nan)
+    outcomes = np.full((len(legs), len(models), OUTCOMES), np.nan)
+    section = np.full((len(legs), len(models), points, 2), np.nan)
     failures: dict[int, str] = {}
+    refused: list[RigError] = []
 
     def perform(numbers: range) -> None:
         memory = np.empty(len(SIGNALS) * CHUNK)
         for number in numbers:
+            if refused:
+                return
             try:
-                through_legs(
-                    rigs[number], legs, speeds[:, number], outcomes[:, number], section[:, number], memory
-                )
+                # Made here, because other threads step their rigs meanwhile: making one takes the lock.
+                rig = made(models[number], number, rate)
+                through_legs(rig, legs, speeds[:, number], outcomes[:, number], section[:, number], memory)
             except SimulationError as error:
                 failures[number] = str(error)
+            except RigError as error:
+                refused.append(error)
 
-    threads = max(1, min(workers or cpu_count() or 1, len(rigs)))
+    threads = max(1, min(workers or cpu_count() or 1, len(models)))
     with ThreadPoolExecutor(threads) as pool:
         # Small shares, so that a thread that is done early finds more to do.
-        shares = [range(begin, len(rigs), 4 * threads) for begin in range(4 * threads)]
+        shares = [range(begin, len(models), 4 * threads) for begin in range(4 * threads)]
         for _ in pool.map(perform, shares):
             pass
+    if refused:
+        raise refused[0]
     return Swept(
         outcomes[..., LARGEST_RADIUS],
         outcomes[..., LARGEST_FORCE],
