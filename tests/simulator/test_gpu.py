@@ -69,7 +69,7 @@ def test_without_a_gpu_the_remedy_is_named():
         sweep_on_gpu(ideal("ball"), {}, [Leg(10.0, RAMP, 0.1)])
 
 
-@pytest.mark.filterwarnings("ignore:.*Grid size")  # few rigs leave most of a GPU idle, which is no matter here
+@pytest.mark.filterwarnings("ignore:.*Grid size")  # few rigs leave most of it idle
 def test_a_gpu_gives_the_outcomes_of_the_cpu():
     if not available():
         pytest.skip("there is no GPU here")  # also where nothing may be missing: few computers have one
