@@ -25,9 +25,9 @@ from daq.shaft import ENCODER, sense_of
 from replay.outputs import Written, outputs_of
 from replay.resimulation import Progress, Scripted, acquire
 from simulator.rig import DriveMode
-from simulator.state import STATE
 from twin.estimation import Twin
 from twin.observer import EstimateStatus
+from twin.resume import resume, values_at
 
 LATEST = 1e6  # s
 HIT_DURATION = 0.010  # s
@@ -119,7 +119,8 @@ def forked_rig(recorded: Rig, estimate: Series, changes: Sequence[str]) -> Rig:
     tables.pop("unbalance_mass", None)  # the estimated unbalance is the whole of it
     for name in ("actual", "fault"):
         tables.get("emulator", {}).pop(name, None)
-    x, y = _value(estimate, "unbalance_x"), _value(estimate, "unbalance_y")
+    values = values_at(estimate, 0)
+    x, y = values["unbalance_x"], values["unbalance_y"]
     found = [f"rotor.unbalance={hypot(x, y):.9g}", f"rotor.unbalance_angle={atan2(y, x):.9g}"]
     return with_overrides(rig_from_text(tomli_w.dumps(tables)), [*found, *changes])
 
@@ -168,7 +169,7 @@ def state_of(run: RecordedRun, rig: Rig, estimate: Series, set_point: float, slo
     The speed controller's integral, which no sensor sees, is what holds the shaft on its ramp.
     """
     assert rig.model is not None
-    values = {name: _value(estimate, name) for name in STATE if name in estimate.names}
+    values = values_at(estimate, 0)
     turns = _reading(run, TURNS, estimate.first_sample)
     counted = sense_of(rig) * (_reading(run, ENCODER, estimate.first_sample) + tau * turns)
     values["angle"] += tau * round((counted - values["angle"]) / tau)
@@ -177,7 +178,7 @@ def state_of(run: RecordedRun, rig: Rig, estimate: Series, set_point: float, slo
         error = set_point - values["speed"]
         torque = drive.inertia * slope
         values["speed_error_integral"] = (torque - drive.proportional_gain * error) / drive.integral_gain
-    return np.array([values.get(name, 0.0) for name in STATE])
+    return resume(rig.model, values).state
 
 
 def _is_command(change: str) -> bool:
@@ -201,11 +202,6 @@ def _given(change: str, rig: Rig, first: int) -> Written:
     if not 0.0 < value <= solenoid.max_force:
         raise ForkError(f"--set {change}: {solenoid.name} hits with up to {solenoid.max_force:g} N")
     return Written(first, first, HitOutput(solenoid.name, value, min(HIT_DURATION, solenoid.max_duration)))
-
-
-def _value(estimate: Series, name: str) -> float:
-    """Return a row's first value."""
-    return float(estimate.samples[estimate.names.index(name), 0])
 
 
 def _reading(run: RecordedRun, channel: str, sample: int) -> float:

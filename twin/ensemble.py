@@ -7,9 +7,8 @@ import numpy as np
 
 from simulator.rig import DriveMode, Model
 from simulator.simulation import checked
-from twin.resume import PARAMETERS, Resumed, resume
+from twin.resume import PARAMETERS, SIGMA, Resumed, resume
 
-SIGMA = "_sigma"  # ends the name of a row that holds another's standard deviation
 PLACES = {
     "tilt_x": "displacement_x",
     "tilt_y": "displacement_y",
@@ -23,9 +22,9 @@ DOUBTS = {
     "clearance": 0.003,
     "contact_stiffness": 0.15,
     "contact_damping": 0.15,
-    "friction": 0.15,
+    "contact_friction": 0.15,
 }
-"""Standard deviation, as a share, of what an estimate does not say and the description does."""
+"""Standard deviation, as a share, of what the twin does not say and the description does."""
 LEAST = 0.3  # of a parameter's value: a draw does not go below
 
 
@@ -33,7 +32,7 @@ def drawn(model: Model, values: Mapping[str, float], count: int, seed: int = 0) 
     """Return `count` rigs, each with a model and a state, within the uncertainty of an estimate.
 
     The first is the estimate itself. Rows are drawn by themselves from normal distributions: their standard
-    deviations are the estimate's rows `*_sigma`; the description's numbers have those of `DOUBTS`. The
+    deviations are the rows `*_sigma`; numbers of the description alone have those of `DOUBTS`. The
     speed is prescribed, which costs a tenth of what a motor does, and changes little in seconds.
     """
     model = checked(model._replace(drive=model.drive._replace(mode=DriveMode.IDEAL)))

@@ -8,12 +8,12 @@ from typing import NamedTuple
 from daq import keys
 from daq.link import Inbox, Link
 from daq.messages import Series, decode_series
-from daq.messages_pb2 import Event
+from daq.messages_pb2 import Event, TwinSummary
 from daq.plan import PlanError, SpeedStep, load_plan
 from daq.recording import Recording
 from daq.rig import Rig, rig_from_text
 from twin.estimate import EstimateStatus
-from twin.resume import values_at
+from twin.resume import rows_of, values_at
 
 PATIENCE = 5.0  # s for the twin to publish an estimate that it vouches for
 HISTORY = 1024  # events of the operator, at most
@@ -30,7 +30,7 @@ class Present(NamedTuple):
 
     rig: Rig
     sample: int  # index that the values are of
-    values: dict[str, float]  # of the estimate, by row name
+    values: dict[str, float]  # of the estimate by row name, and of the parameters found, with deviations
     next_step: SpeedStep | None  # of the plan; None without one, or when it is not known here
 
 
@@ -41,15 +41,19 @@ def of_running(rig: Rig) -> Present:
         PresentError: its twin gives no estimate, or none that it vouches for.
         LinkError: the link cannot be opened.
     """
-    estimates, events = Inbox(1, "drop_oldest"), Inbox(HISTORY, "drop_oldest")
+    estimates, summaries = Inbox(1, "drop_oldest"), Inbox(1, "drop_oldest")
+    events = Inbox(HISTORY, "drop_oldest")
     with Link(connect=[rig.link.endpoint(name) for name in ("twin", "operator")]) as link:
         link.subscribe(keys.event(rig.name, "operator"), events, recover=True)
+        link.subscribe(keys.twin_summary(rig.name), summaries)
         link.subscribe(keys.estimate(rig.name), estimates)
         estimate = next_estimate(rig, estimates)
+        summary = summaries.get(PATIENCE)
         told = []
         while (event := events.get(LULL)) is not None:
             told.append(Event.FromString(event[1]))
-    return Present(rig, last_sample(estimate), values_at(estimate), next_speed(rig, told))
+    values = values_at(estimate) | parameters_of(summary[1] if summary else b"")
+    return Present(rig, last_sample(estimate), values, next_speed(rig, told))
 
 
 def next_estimate(rig: Rig, estimates: Inbox) -> Series:
@@ -86,7 +90,7 @@ def of_recording(path: Path, at: float) -> Present:
         return Present(
             rig,
             estimate.first_sample + column * estimate.stride,
-            values_at(estimate, column),
+            values_at(estimate, column) | parameters_of(summary_of(recording, rig, sample)),
             next_speed(rig, told),
         )
 
@@ -99,6 +103,22 @@ def estimate_of(recording: Recording, key: str, sample: int) -> Series | None:
         if estimate.first_sample <= sample <= last_sample(estimate) + estimate.stride - 1:
             return None if estimate.status & UNSURE else estimate
     return None
+
+
+def summary_of(recording: Recording, rig: Rig, sample: int) -> bytes:
+    """Return the twin's newest summary at a sample; nothing where there is none."""
+    newest = b""
+    longest = round(recording.description.rate)
+    for message in recording.messages_between(
+        keys.twin_summary(rig.name), first=max(0, sample - longest), last=sample
+    ):
+        newest = message.payload
+    return newest
+
+
+def parameters_of(summary: bytes) -> dict[str, float]:
+    """Return the parameters of a twin's summary with their deviations; none where it does not say."""
+    return rows_of(TwinSummary.FromString(summary).parameters)
 
 
 def last_sample(estimate: Series) -> int:

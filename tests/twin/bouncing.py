@@ -8,12 +8,14 @@ import numpy as np
 
 from daq.backend import HitOutput, SpeedOutput
 from daq.backends.emulator import Emulator
+from daq.messages_pb2 import Parameter
 from daq.rig import Rig, load_rig
 from daq.shaft import Motion
 from simulator.rig import Solenoid
 from tests.twin.emulated import series_of
 from twin.advisor import Hit
 from twin.observer import Observer
+from twin.resume import rows_of
 
 LOWEST, HIGHEST = 14.0, 15.5  # Hz at which impacts go on although the rotor could run free
 
@@ -43,6 +45,7 @@ class BouncingRig:
             self.rig.channels.calibrate(values, values)
             estimated = self.observer.update(series_of(self.rig, reading.first_sample, values))
             self.values = dict(zip(estimated.names, estimated.samples[:, -1].tolist(), strict=True))
+        self.values |= rows_of(Parameter(**each._asdict()) for each in self.observer.identified()[0])
         return dict(zip(self.device.truth_names, np.concatenate(truth, axis=1), strict=True))
 
     def is_bouncing(self) -> bool:

@@ -5,11 +5,16 @@ from math import tau
 import numpy as np
 import pytest
 
-from daq.rig import load_rig
+from daq import keys
+from daq.messages_pb2 import TwinSummary
+from daq.recording import Recording
+from daq.rig import load_rig, rig_from_text
+from recordings.reference import REFERENCES
 from simulator.equilibrium import static_state
 from simulator.simulation import Simulation, signals_for
 from simulator.state import STATE
 from twin.ensemble import DOUBTS, drawn
+from twin.present import of_recording
 from twin.resume import resume
 
 RIG = load_rig("thesis-ball", ['drive.mode="ideal"'])
@@ -23,7 +28,7 @@ def values_of(simulation):
         "unbalance_x": rotor.unbalance * np.cos(rotor.unbalance_angle),
         "unbalance_y": rotor.unbalance * np.sin(rotor.unbalance_angle),
         "coupling_force_y": rotor.coupling_force,
-        "friction": simulation.model.backup_bearing.friction,
+        "contact_friction": simulation.model.backup_bearing.friction,
     }
 
 
@@ -54,7 +59,7 @@ def test_the_simulator_goes_on_as_the_rig_does(running):
 
 def test_what_is_not_estimated_stays_as_described(running):
     values = values_of(running)
-    for row in ("unbalance_x", "unbalance_y", "coupling_force_y", "friction"):
+    for row in ("unbalance_x", "unbalance_y", "coupling_force_y", "contact_friction"):
         del values[row]
     assert resume(RIG.model, values).model == RIG.model
 
@@ -71,9 +76,30 @@ def test_without_a_row_of_the_state_there_is_nothing_to_go_on_from(running):
         resume(RIG.model, values)
 
 
+def test_the_model_is_that_of_the_parameters_found():
+    """What stands in a recorded summary of the twin is what the model gets, with its doubt."""
+    path = next(each.path for each in REFERENCES if each.name == "ball")
+    with Recording(path) as recording:
+        rig = rig_from_text(recording.rig_toml)
+        summaries = [
+            TwinSummary.FromString(message.payload)
+            for message in recording.messages(keys.twin_summary(rig.name))
+        ]
+    newest = summaries[-2]
+    present = of_recording(path, (newest.first_sample + newest.n_samples - 1) / rig.acquisition.rate)
+    found = {each.name: each for each in newest.parameters}
+    assert found["contact_stiffness"].value != rig.model.backup_bearing.stiffness
+    bearing = resume(rig.model, present.values).model.backup_bearing
+    assert bearing.stiffness == found["contact_stiffness"].value
+    assert bearing.clearance == found["clearance"].value
+    draws = [each.model.backup_bearing.stiffness for each in drawn(rig.model, present.values, 2000)]
+    # A standard deviation of 2000 draws is within 5 % (three of its own deviations).
+    assert np.std(draws) == pytest.approx(found["contact_stiffness"].sigma, rel=0.05)
+
+
 def test_draws_have_the_estimates_spread_and_the_descriptions_doubt(running):
     station = RIG.model.rotor.bearing_station
-    sigmas = {"displacement_x_sigma": 1e-5 * station, "friction_sigma": 0.02}
+    sigmas = {"displacement_x_sigma": 1e-5 * station, "contact_friction_sigma": 0.02}
     values = values_of(running) | sigmas | {"clearance": 1.4e-3}
     rigs = drawn(RIG.model, values, 2000, seed=5)
     assert rigs[0].state == pytest.approx(resume(RIG.model, values).state)
