@@ -166,7 +166,7 @@ class Parameter(_message.Message):
     def __init__(self, name: _Optional[str] = ..., unit: _Optional[str] = ..., value: _Optional[float] = ..., sigma: _Optional[float] = ..., told: _Optional[bool] = ..., key: _Optional[str] = ...) -> None: ...
 
 class TwinSummary(_message.Message):
-    __slots__ = ("timestamp", "run", "first_sample", "n_samples", "speed_hz", "amplitude_1x", "phase_1x", "contact_force_maximum", "orbit_maximum", "regime", "valid", "residual_rms", "impacts", "parameters", "not_told")
+    __slots__ = ("timestamp", "run", "first_sample", "n_samples", "speed_hz", "amplitude_1x", "phase_1x", "contact_force_maximum", "orbit_maximum", "regime", "valid", "residual_rms", "impacts", "parameters", "not_told", "regime_confidence")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     RUN_FIELD_NUMBER: _ClassVar[int]
     FIRST_SAMPLE_FIELD_NUMBER: _ClassVar[int]
@@ -182,6 +182,7 @@ class TwinSummary(_message.Message):
     IMPACTS_FIELD_NUMBER: _ClassVar[int]
     PARAMETERS_FIELD_NUMBER: _ClassVar[int]
     NOT_TOLD_FIELD_NUMBER: _ClassVar[int]
+    REGIME_CONFIDENCE_FIELD_NUMBER: _ClassVar[int]
     timestamp: float
     run: str
     first_sample: int
@@ -197,7 +198,8 @@ class TwinSummary(_message.Message):
     impacts: int
     parameters: _containers.RepeatedCompositeFieldContainer[Parameter]
     not_told: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, timestamp: _Optional[float] = ..., run: _Optional[str] = ..., first_sample: _Optional[int] = ..., n_samples: _Optional[int] = ..., speed_hz: _Optional[float] = ..., amplitude_1x: _Optional[float] = ..., phase_1x: _Optional[float] = ..., contact_force_maximum: _Optional[float] = ..., orbit_maximum: _Optional[float] = ..., regime: _Optional[str] = ..., valid: _Optional[bool] = ..., residual_rms: _Optional[float] = ..., impacts: _Optional[int] = ..., parameters: _Optional[_Iterable[_Union[Parameter, _Mapping]]] = ..., not_told: _Optional[_Iterable[str]] = ...) -> None: ...
+    regime_confidence: float
+    def __init__(self, timestamp: _Optional[float] = ..., run: _Optional[str] = ..., first_sample: _Optional[int] = ..., n_samples: _Optional[int] = ..., speed_hz: _Optional[float] = ..., amplitude_1x: _Optional[float] = ..., phase_1x: _Optional[float] = ..., contact_force_maximum: _Optional[float] = ..., orbit_maximum: _Optional[float] = ..., regime: _Optional[str] = ..., valid: _Optional[bool] = ..., residual_rms: _Optional[float] = ..., impacts: _Optional[int] = ..., parameters: _Optional[_Iterable[_Union[Parameter, _Mapping]]] = ..., not_told: _Optional[_Iterable[str]] = ..., regime_confidence: _Optional[float] = ...) -> None: ...
 
 class Status(_message.Message):
     __slots__ = ("timestamp", "run", "sample", "process", "monotonic_ns", "utc_ns", "state", "lease_holder", "first_out", "backend", "samples", "lost", "lag", "queue_fill", "cpu")

@@ -3,6 +3,7 @@
 from math import degrees
 from typing import Any
 
+from analysis.regime import named
 from daq import keys, toml_source
 from daq.messages_pb2 import Description, TwinSummary
 from daq.recording import Recording, RecordingError
@@ -26,14 +27,19 @@ def last_summary(recording: Recording) -> TwinSummary | None:
 
 
 def facts(summary: TwinSummary | None) -> dict[str, Any]:
-    """Return parameters, in SI units, and what the data could not tell; empty without a summary."""
+    """Return parameters (SI), what the data could not tell, and the regime; empty without a summary."""
     if summary is None:
         return {}
     rows = [
         {"name": each.name, "unit": each.unit, "value": each.value, "sigma": each.sigma, "told": each.told}
         for each in summary.parameters
     ]
-    return {"parameters": rows, "not_told": list(summary.not_told)}
+    return {
+        "parameters": rows,
+        "not_told": list(summary.not_told),
+        "regime": summary.regime,
+        "regime_confidence": summary.regime_confidence,
+    }
 
 
 def lines(found: dict[str, Any]) -> list[str]:
@@ -46,7 +52,8 @@ def lines(found: dict[str, Any]) -> list[str]:
         for name, row in rows.items()
         if not name.startswith("balance_")
     ]
-    return ["", "the twin found", *shown, *advice(rows), *found["not_told"]]
+    regime = f"regime at the end: {named(found['regime'], found['regime_confidence'])}"
+    return ["", "the twin found", *shown, *advice(rows), *found["not_told"], regime]
 
 
 def shown_value(row: dict[str, Any]) -> str:

@@ -3,6 +3,7 @@
 from collections import deque
 from dataclasses import dataclass, field
 
+from analysis.regime import named
 from daq import keys
 from daq.link import Inbox, Link, free_ports
 from daq.messages_pb2 import Event, Status, Summary, TwinSummary
@@ -88,7 +89,8 @@ class Monitor:
     def _on_twin_summary(self, payload: bytes) -> None:
         summary = TwinSummary.FromString(payload)
         self.picture.contact_force = summary.contact_force_maximum
-        self.picture.regime = summary.regime if summary.valid else "not valid"
+        regime = named(summary.regime, summary.regime_confidence)
+        self.picture.regime = regime if summary.valid else "not valid"
 
     def _on_status(self, status: Status) -> None:
         picture = self.picture

@@ -22,7 +22,7 @@ def status_text(picture: Picture, rig: "Rig", recording: bool) -> str:
         parts.append(f"orbit {picture.radius * 1e6:5.0f} µm{gap}")
     if rig.channels.of_quantity("force"):
         parts.append(f"contact {picture.contact_force:5.1f} N")
-    parts.append(f"{picture.regime or picture.state:<16}")
+    parts.append(f"{picture.regime or picture.state:<30}")
     if recording:
         parts.append(f"recorded {picture.recorded:,} samples, lost {picture.lost:,}")
     parts.append(f"{picture.lag * 1e3:.0f} ms behind")

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from analysis.regime import named
 from daq import keys
 from daq.events import EventCounter
 from daq.messages import SeriesEncoder, decode_series
@@ -128,8 +129,9 @@ class Twin:
         return f"{sample / self._rate:.2f} s after the run"
 
     def _regime(self, change: RegimeChange, sample: int) -> tuple[str, bytes]:
-        details = {"before": change.before.value, "now": change.now.value}
-        return self._event("regime", f"regime: {change.now.value}", sample, details=details)
+        before, now, confidence = change
+        details = {"before": before.value, "now": now.value, "confidence": f"{confidence:.2f}"}
+        return self._event("regime", f"regime: {named(now, confidence)}", sample, details=details)
 
     def _fault(self, fault: Fault, estimated: Estimated) -> tuple[str, bytes]:
         """Return the event of a fault; its details name the first one of the run."""

@@ -5,24 +5,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.regime import Regime, classify, features
+from analysis.regime import Regime
 from analysis.synchronous import last_whole_revolutions, synchronous, whirl_vectors
+from analysis.turns import TOUCH
 from daq.messages_pb2 import TwinSummary
 from daq.rig import Rig
 from twin.estimate import Estimated
+from twin.regime_watch import RegimeWatch
 
 PERIOD = 0.1  # s that one summary covers
-WINDOW = 0.5  # s that 1X vector and regime may look back
-MOST_REVOLUTIONS = 5  # that they look back
-TOUCH = 0.5  # N of normal force from which an impact is counted
-CONFIRMATIONS = 3  # summaries in a row that must agree before a new regime is announced
+WINDOW = 0.5  # s that the 1X vector may look back
+MOST_REVOLUTIONS = 5  # that it looks back
 
 
 class RegimeChange(NamedTuple):
-    """A regime that has been confirmed."""
+    """A regime that has settled."""
 
     before: Regime
     now: Regime
+    confidence: float  # 0 to 1, see `twin.regime_watch`
 
 
 class Findings:
@@ -34,22 +35,21 @@ class Findings:
 
     def __init__(self, rig: Rig) -> None:
         assert rig.model is not None
-        self._clearance = rig.model.backup_bearing.clearance
+        self._watch = RegimeWatch(rig.model.backup_bearing)
         self._probes = [
             f"residual_{channel.name}" for channel in rig.channels if channel.quantity == "displacement"
         ]
         self._window: deque[Estimated] = deque()
         self._stretch: list[Estimated] = []
         self._touching = False
-        self._seen = Regime.UNKNOWN
-        self._agreements = 0
-        self.regime = Regime.UNKNOWN
+        self._announced = Regime.UNKNOWN
 
     def add(self, estimated: Estimated) -> None:
         """Take in the next estimate; one that starts anew forgets what was before."""
         if estimated.restarted:
             self._window.clear()
             self._touching = False
+        self._watch.add(estimated)
         self._window.append(estimated)
         self._stretch.append(estimated)
         columns = sum(each.samples.shape[1] for each in self._window)
@@ -66,9 +66,7 @@ class Findings:
 
     def summarise(self) -> tuple[TwinSummary, RegimeChange | None]:
         """Return the summary of what came since the last one, without run and time; a change of regime."""
-        angle, centre, force = self._look_back()
-        change = self._judge(angle, centre, force)
-        vector = forward_vector(angle, centre)
+        vector = forward_vector(*self._look_back())
         first = self._stretch[0]
         summary = TwinSummary(
             first_sample=first.first_sample,
@@ -78,13 +76,14 @@ class Findings:
             phase_1x=float(np.angle(vector)),
             contact_force_maximum=max(each.largest_force for each in self._stretch),
             orbit_maximum=max(each.largest_radius for each in self._stretch),
-            regime=self.regime.value,
+            regime=self._watch.regime.value,
+            regime_confidence=self._watch.confidence,
             valid=all(each.settled for each in self._stretch),
             residual_rms=self._residual_rms(),
             impacts=self._count_impacts(),
         )
         self._stretch.clear()
-        return summary, change
+        return summary, self._change()
 
     def _end(self) -> int:
         """Return the index behind the last sample of the stretch."""
@@ -95,27 +94,23 @@ class Findings:
         """Return one output over the stretch."""
         return np.concatenate([each.row(name) for each in self._stretch])
 
-    def _look_back(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return shaft angle, shaft centre and normal force of the last whole revolutions, or of all."""
+    def _look_back(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return shaft angle and shaft centre of the last whole revolutions, or of all."""
         angle = np.concatenate([each.shaft_angle for each in self._window])
-        x, y, force = (
+        x, y = (
             np.concatenate([each.row(name) for each in self._window])
-            for name in ("displacement_x", "displacement_y", "normal_force")
+            for name in ("displacement_x", "displacement_y")
         )
         start, revolutions = last_whole_revolutions(angle, MOST_REVOLUTIONS)
         chosen = slice(start if revolutions else 0, None)
-        return angle[chosen], (x + 1j * y)[chosen], force[chosen]
+        return angle[chosen], (x + 1j * y)[chosen]
 
-    def _judge(self, angle: np.ndarray, centre: np.ndarray, force: np.ndarray) -> RegimeChange | None:
-        """Name the regime; return the change once enough summaries agree on a new one."""
-        speed = float(np.mean(self._row("speed")))
-        seen = classify(features(angle, speed, centre, force, self._clearance))
-        self._agreements = self._agreements + 1 if seen == self._seen else 1
-        self._seen = seen
-        if seen == self.regime or self._agreements < CONFIRMATIONS:
+    def _change(self) -> RegimeChange | None:
+        """Return the change of regime since the last summary, if there is one."""
+        before, self._announced = self._announced, self._watch.regime
+        if before == self._announced:
             return None
-        before, self.regime = self.regime, seen
-        return RegimeChange(before, seen)
+        return RegimeChange(before, self._announced, self._watch.confidence)
 
     def _count_impacts(self) -> int:
         """Return how many impacts began in the stretch."""

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 
 from google.protobuf.message import DecodeError
 
+from analysis.regime import named
 from daq import keys
 from daq.messages import MessageError, Series, decode_series
 from daq.messages_pb2 import Event, Status, TwinSummary
@@ -32,6 +33,7 @@ class Show:
         self._scene = scene
         self._screen = screen
         self._regime = ""
+        self._confidence = 0.0  # in the regime
         self._state = ""
         self._first_out = ""
         self._next_headline = -1.0
@@ -72,7 +74,7 @@ class Show:
         if self._scene.sensors.force:
             parts.append(f"force {numbers.force:.1f} N")
         if self._regime or self._state:
-            parts.append(self._regime or self._state)
+            parts.append(named(self._regime, self._confidence) if self._regime else self._state)
         if self._first_out:
             parts.append(f"TRIPPED: {self._first_out}")
         if self._scene.skipped:
@@ -102,6 +104,7 @@ class Show:
     def _on_twin_summary(self, payload: bytes) -> None:
         summary = TwinSummary.FromString(payload)
         regime = summary.regime if summary.valid else "not valid"
+        self._confidence = summary.regime_confidence if summary.valid else 0.0
         if regime and regime != self._regime:
             self._regime = regime
             self._screen.regime(self._seconds(summary.first_sample), regime)

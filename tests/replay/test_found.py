@@ -1,6 +1,7 @@
 """What the twin has found travels with the recording, and becomes a rig file."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -42,8 +43,10 @@ def test_info_shows_it_and_how_to_balance(twinned, capsys):
     assert "the twin found" in shown
     assert "g mm" in shown
     assert "to balance: 2.27 g at 33 mm" in shown
+    assert re.search(r"regime at the end: \w.* \(\d+ %\)", shown)
     assert main(["info", str(twinned), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)["twin"]
+    assert 0.0 < facts["regime_confidence"] <= 1.0
     row = next(row for row in facts["parameters"] if row["name"] == "balance_mass")
     assert row["value"] == pytest.approx(75e-6 / 33e-3, rel=0.01)
 

@@ -75,7 +75,10 @@ def test_summaries_come_each_tenth_of_a_second_and_name_the_regime(run):
     events = [Event.FromString(each) for each in of(messages, keys.event("thesis-ball", "twin"))]
     assert [each.sequence for each in events] == list(range(len(events)))
     assert events[0].kind == "start"
-    assert [each.details["now"] for each in events if each.kind == "regime"][-1] == "bouncing"
+    change = [each for each in events if each.kind == "regime"][-1]
+    assert change.details["now"] == "bouncing"
+    assert 0.0 < float(change.details["confidence"]) <= 1.0
+    assert 0.0 < summaries[-1].regime_confidence <= 1.0
 
 
 def test_a_gap_is_an_event_and_the_estimate_recovers(run):
