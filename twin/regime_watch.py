@@ -73,12 +73,14 @@ class RegimeWatch:
 def end_of_turn(angle: np.ndarray, rate: float) -> int:
     """Return the index of the first sample behind the shaft's zero, or behind the longest time; 0: none yet.
 
-    `angle` (n,) is the unwrapped shaft angle in rad at `rate` Hz.
+    `angle` (n,) is the unwrapped shaft angle in rad at `rate` Hz. A shaft that trembles about its zero does
+    not pass it: it must have turned by half a revolution.
     """
     if angle.size < 2:
         return 0
     standing = abs(angle[-1] - angle[0]) * rate < Bounds().rest_speed * (angle.size - 1)
     longest = round((STILL_TURN if standing else LONGEST_TURN) * rate)
-    passages = np.flatnonzero(np.diff(np.floor(angle / (2.0 * np.pi))))
+    passed = np.diff(np.floor(angle / (2.0 * np.pi))) != 0.0
+    passages = np.flatnonzero(passed & (np.abs(angle[1:] - angle[0]) > np.pi))
     end = int(passages[0]) + 1 if passages.size else longest
     return min(end, longest) if min(end, longest) < angle.size else 0

@@ -10,7 +10,7 @@ from analysis.regime import Regime
 from daq.rig import load_rig
 from simulator.simulation import SIGNALS, Simulation, signals_for
 from twin.estimate import STRIDE, Estimated, EstimateStatus
-from twin.regime_watch import CONFIRMATIONS, RegimeWatch
+from twin.regime_watch import CONFIRMATIONS, RegimeWatch, end_of_turn
 
 RATE = 25000.0
 OVERSAMPLING = 4  # truth each 10 µs
@@ -164,6 +164,13 @@ def test_a_change_is_announced_once_it_has_settled_and_confidence_dips_before():
     assert 400 + CONFIRMATIONS * 13 <= change <= 400 + 7 * 14  # blocks of 10 ms, 13.3 a revolution
     assert seen[change - 1][1] < 0.8
     assert seen[-1][1] == 1.0
+
+
+def test_a_shaft_that_trembles_about_its_zero_makes_no_revolutions():
+    trembling = 1e-3 * np.random.default_rng(7).normal(size=2000)
+    assert end_of_turn(trembling[:500], 5000.0) == 0
+    assert end_of_turn(trembling, 5000.0) == 500  # the tenth of a second that stands for one
+    assert end_of_turn(trembling[:9] + np.pi * np.arange(9) / 3, 5000.0) in (6, 7)
 
 
 def test_a_restart_forgets_the_revolutions_but_not_the_regime():
