@@ -42,7 +42,7 @@ PLAIN = "plain Runge-Kutta 4 at 10 us, numba"
 PLAIN_SUBSTEPS = 4  # of 10 us
 CONSTANT_CHUNK = 5000  # samples a call at constant speed, where a call's own 9 us would show
 SWEPT = 1000  # rigs
-SWEEP_SECONDS = 1.0
+SWEEP_SECONDS = 5.0  # of each rig; making one costs as much as 0.3 s of it
 DEMANDED = 50.0  # times real time
 CONSTANT = {  # Hz and kg m
     "free_of_contact": (20.0, 75e-6),
