@@ -247,7 +247,7 @@ def test_a_backlog_is_shed_live_and_the_newest_is_estimated(run, stage):
     daq.describes = False  # so that two seconds of blocks wait when the twin begins
     for block in encoded(run):
         daq.blocks.put(block)
-    time.sleep(2.0)  # for the blocks to arrive while the twin waits to be told what they are
+    time.sleep(5.0)  # for the blocks to arrive while the twin waits to be told what they are
     daq.describes = True
     status = keys.status("thesis-ball", "twin")
     last = run.blocks[-1].first_sample + 250
