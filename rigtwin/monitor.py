@@ -58,12 +58,13 @@ class Monitor:
         ):
             self._link.subscribe(key, self._inbox)
 
-    def update(self, seconds: float) -> None:
-        """Take in all that has arrived, waiting at most `seconds` for the first of it."""
-        item = self._inbox.get(seconds)
+    def update(self, seconds: float) -> bool:
+        """Take in all that has arrived, waiting at most `seconds` for the first; return whether any has."""
+        first = item = self._inbox.get(seconds)
         while item is not None:
             self._read(*item)
             item = self._inbox.get(0.0)
+        return first is not None
 
     def close(self) -> None:
         """Leave the run."""

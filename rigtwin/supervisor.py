@@ -13,6 +13,7 @@ from rigtwin.status_line import StatusLine, event_text, status_text, worth_showi
 
 POLL = 0.1  # s between two looks at the children
 FINISH = 40.0  # s that an orderly end may take in all
+LULL = 0.2  # s of silence after which all that the ended children said has come
 MOST_RESTARTS = 5  # of one child
 
 
@@ -81,9 +82,9 @@ class Supervisor:
             if not self._tend():
                 return
 
-    def look(self, seconds: float) -> None:
-        """Take in and show what has arrived."""
-        self.monitor.update(seconds)
+    def look(self, seconds: float) -> bool:
+        """Take in and show what arrives, waiting at most `seconds` for it; return whether anything has."""
+        news = self.monitor.update(seconds)
         while self.monitor.news:
             event = self.monitor.news.popleft()
             if worth_showing(event):
@@ -93,6 +94,7 @@ class Supervisor:
         picture = self.monitor.picture
         self._warn(picture.recorder_alarm)
         self.screen.show(status_text(picture, self.rig, self._recording), picture.time)
+        return news
 
     def finish(self, order: Sequence[str]) -> None:
         """Order the end, child after child, going on to show what happens meanwhile."""
@@ -107,7 +109,8 @@ class Supervisor:
         killed = self.crew.finish(order, 5.0)
         if killed:
             self._fail(f"{' and '.join(killed)} did not end in time and had to be killed")
-        self.look(0.0)
+        while self.look(LULL):
+            pass  # the last words of those that have ended are still on their way
         self.monitor.close()
 
     def _warn(self, alarm: str) -> None:

@@ -66,6 +66,14 @@ class Running:
         wait_until(lambda: text in self.said() or self.process.poll() is not None, f"{text!r} to be printed")
         assert text in self.said(), self.said()
 
+    def wait_until(self, condition: Callable[[], bool], what: str, seconds: float = PATIENCE) -> None:
+        """Wait for a condition while it runs; fail the test with what it printed when that never comes."""
+        try:
+            wait_until(lambda: condition() or self.process.poll() is not None, what, seconds)
+        except AssertionError as error:
+            raise AssertionError(f"{error}; it printed:\n{self.said()}") from None
+        assert condition(), f"it ended before {what}:\n{self.said()}"
+
     def wait(self) -> int:
         """Wait for its end and return its exit code."""
         return self.process.wait(PATIENCE)

@@ -72,7 +72,7 @@ def test_killed_supervisor_leaves_a_safe_rig_and_a_closed_recording(tmp_path):
     ) as run:
         run.wait_for("Hz")
         children = [run.child(name) for name in ("daq", "recorder", "twin", "operator")]
-        wait_until(lambda: recorded(path) > 25_000, "a second of recording")
+        run.wait_until(lambda: recorded(path) > 25_000, "a second of recording")
         with_pid(run.process.pid, signal.SIGKILL)
         run.process.wait()
         for pid in children:
@@ -88,7 +88,7 @@ def test_killed_process_costs_no_sample(tmp_path, victim):
     path = tmp_path / "run.mcap"
     options = ("--plan", "none", "--duration", "6", "--view", "none")
     with Running("live", *options, "--record", path, cwd=tmp_path) as run:
-        wait_until(lambda: recorded(path) > 25_000, "a second of recording")
+        run.wait_until(lambda: recorded(path) > 25_000, "a second of recording")
         with_pid(run.child(victim), signal.SIGKILL)
         assert run.wait() == 0, run.said()
         assert f"{victim} was ended by SIGKILL" in run.said()
@@ -102,7 +102,7 @@ def test_killed_recorder_goes_on_in_a_second_part_without_a_gap(tmp_path):
     path = tmp_path / "run.mcap"
     options = ("--plan", "none", "--duration", "8", "--view", "none")
     with Running("live", *options, "--record", path, cwd=tmp_path) as run:
-        wait_until(lambda: recorded(path) > 50_000, "two seconds of recording")
+        run.wait_until(lambda: recorded(path) > 50_000, "two seconds of recording")
         with_pid(run.child("recorder"), signal.SIGKILL)
         assert run.wait() == 0, run.said()
     first, second = Recording(path).series("block"), Recording(tmp_path / "run.part2.mcap").series("block")
@@ -119,7 +119,7 @@ def test_a_file_that_is_removed_is_said_and_written_anew_while_the_rig_runs(tmp_
     path = tmp_path / "run.mcap"
     options = ("--plan", "none", "--duration", "8", "--view", "none")
     with Running("live", *options, "--record", path, cwd=tmp_path) as run:
-        wait_until(lambda: recorded(path) > 25_000, "a second of recording")
+        run.wait_until(lambda: recorded(path) > 25_000, "a second of recording")
         path.unlink()
         assert run.wait() == 0, run.said()
         assert "the file was removed while it was being written; starting it again" in run.said()
@@ -146,7 +146,7 @@ def test_stopped_recorder_loses_nothing(tmp_path):
     path = tmp_path / "run.mcap"
     options = ("--plan", "none", "--duration", "14", "--view", "none")
     with Running("live", *options, "--record", path, cwd=tmp_path) as run:
-        wait_until(lambda: recorded(path) > 25_000, "a second of recording")
+        run.wait_until(lambda: recorded(path) > 25_000, "a second of recording")
         pid, before = run.child("recorder"), run.child("daq")
         with_pid(pid, signal.SIGSTOP)
         wait_until(lambda: samples_shown(run) > 9.9 * 25_000, "nine more seconds of the run")

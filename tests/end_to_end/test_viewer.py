@@ -14,12 +14,12 @@ def test_killed_display_is_started_again_and_costs_no_sample(tmp_path):
     options = ("--plan", "none", "--view", "web")
     with Running("live", *PATIENT, *options, "--record", path, cwd=tmp_path) as run:
         run.wait_for("watch it at http://127.0.0.1:")
-        wait_until(lambda: recorded(path) > 25_000, "a second of recording")
+        run.wait_until(lambda: recorded(path) > 25_000, "a second of recording")
         first = run.child("display")
         with_pid(first, signal.SIGKILL)
         wait_until(lambda: run.find_children()["display"] != first, "another display")
         before = recorded(path)
-        wait_until(lambda: recorded(path) > before + 50_000, "two more seconds of recording")
+        run.wait_until(lambda: recorded(path) > before + 50_000, "two more seconds of recording")
         assert run.interrupt() == 0, run.said()
     found = info(path)
     assert found["gaps"] == []
@@ -32,10 +32,10 @@ def test_stopped_display_costs_no_sample_and_slows_nobody(tmp_path, seconds):
     options = ("--plan", "none", "--view", "web")
     with Running("live", *PATIENT, *options, "--record", path, cwd=tmp_path) as run:
         run.wait_for("watch it at http://127.0.0.1:")
-        wait_until(lambda: recorded(path) > 25_000, "a second of recording")
+        run.wait_until(lambda: recorded(path) > 25_000, "a second of recording")
         display, before = run.child("display"), recorded(path)
         with_pid(display, signal.SIGSTOP)
-        wait_until(lambda: recorded(path) > before + seconds * 25_000, "the run to go on", seconds + 60.0)
+        run.wait_until(lambda: recorded(path) > before + seconds * 25_000, "the run to go on", seconds + 60.0)
         with_pid(display, signal.SIGCONT)
         assert not gone(display)
         assert run.interrupt() == 0, run.said()
