@@ -13,11 +13,11 @@ SOURCE = "daq"
 
 
 class EventCounter:
-    """Makes the events of one source, numbered from 0."""
+    """Makes the events of one source, numbered from `first` on."""
 
-    def __init__(self, source: str) -> None:
+    def __init__(self, source: str, first: int = 0) -> None:
         self._source = source
-        self._sequence = 0
+        self._sequence = first
 
     def make(
         self,

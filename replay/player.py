@@ -12,6 +12,7 @@ from threading import Event as Flag
 
 from daq import keys
 from daq.describe import REPLAY
+from daq.events import SOURCE, EventCounter
 from daq.link import Link, Publisher, Request
 from daq.messages import decode_series
 from daq.messages_pb2 import Answer, Description, Event, Status
@@ -203,17 +204,15 @@ class Player:
 
     def _publish_end(self, stopped: bool) -> None:
         """Tell subscribers of an end that the recording does not hold."""
-        event = Event(
-            timestamp=self._run.clock.ns(self._sample) / 1e9,
+        payload = EventCounter(SOURCE, self._last_event + 1).make(
+            "end",
+            "the replay was stopped" if stopped else "the recording breaks off here",
+            self._sample,
+            details={"samples": self._sample, "synthesised": "yes"},
             run=self._run.description.run,
-            sample=self._sample,
-            sequence=self._last_event + 1,
-            source="daq",
-            kind="end",
-            text="the replay was stopped" if stopped else "the recording breaks off here",
-            details={"samples": str(self._sample), "synthesised": "yes"},
+            timestamp=self._run.clock.ns(self._sample) / 1e9,
         )
-        self._publish(self._event, event.SerializeToString(deterministic=True))
+        self._publish(self._event, payload)
 
     def _describe(self, request: Request) -> None:
         """Answer with the description of the run that is named, or of the present one."""
