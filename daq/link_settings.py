@@ -3,8 +3,9 @@
 import random
 import re
 import socket
+import sys
+from collections import deque
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,10 @@ QUEUES = {"data": 16, "data_low": 16}
 PATIENCE_US = 24 * 3600 * 1_000_000
 """How long a waiting publisher stands a subscriber that takes nothing."""
 EPHEMERAL_RANGE = Path("/proc/sys/net/ipv4/ip_local_port_range")
+HELD = 64
+"""Ports that a process holds at most: more than one run takes, fewer than it may open files."""
+
+_held: deque[socket.socket] = deque()
 
 
 class LinkError(RuntimeError):
@@ -63,7 +68,15 @@ def reason(error: Exception, listen: Sequence[str], connect: Sequence[str]) -> s
 
 
 def free_ports(count: int) -> list[int]:
-    """Return TCP ports that are free on loopback now and that the system gives to no outgoing connection."""
+    """Return free TCP ports on loopback that nobody else is given before they are listened on.
+
+    The system gives them to no outgoing connection, and on Linux this process keeps the newest `HELD` of them
+    bound without listening: whoever is to listen may (zenoh, rerun and Python's servers set `SO_REUSEADDR`),
+    while another search for free ports, here or in another process, passes them over.
+
+    Raises:
+        LinkError: too few are free.
+    """
     lowest_ephemeral = 32768
     if EPHEMERAL_RANGE.exists():
         lowest_ephemeral = int(EPHEMERAL_RANGE.read_text().split()[0])
@@ -73,7 +86,25 @@ def free_ports(count: int) -> list[int]:
     for port in candidates:
         if len(ports) == count:
             return ports
-        with socket.socket() as probe, suppress(OSError):
-            probe.bind(("127.0.0.1", port))
+        if _is_taken_first(port):
             ports.append(port)
     raise LinkError(f"fewer than {count} ports between {first} and {lowest_ephemeral} are free on 127.0.0.1")
+
+
+def _is_taken_first(port: int) -> bool:
+    """Bind a port, and on Linux hold it; return False when another process or this one has it."""
+    probe = socket.socket()
+    try:
+        probe.bind(("127.0.0.1", port))
+    except OSError:
+        probe.close()
+        return False
+    if sys.platform == "linux":  # elsewhere nobody else could listen on a port that is held
+        # Set now, not before the bind: so who listens may have the port, but not who binds it to hold it.
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        _held.append(probe)
+        while len(_held) > HELD:
+            _held.popleft().close()
+    else:
+        probe.close()
+    return True

@@ -1,8 +1,10 @@
+import errno
 import hashlib
 import json
 import logging
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -177,6 +179,16 @@ class TestEndpoints:
         assert len(set(ports)) == 5
         with Link(listen=[endpoint(each) for each in ports]):
             pass
+
+    @pytest.mark.skipif(sys.platform != "linux", reason="held on Linux only")
+    def test_a_free_port_is_kept_from_others_until_it_is_listened_on(self):
+        (port,) = free_ports(1)
+        with socket.socket() as other, pytest.raises(OSError, match="in use"):
+            other.bind(("127.0.0.1", port))  # as another process's search for free ports would
+        with socket.socket() as caller:
+            assert caller.connect_ex(("127.0.0.1", port)) == errno.ECONNREFUSED
+        with Link(listen=[endpoint(port)]), pytest.raises(LinkError, match="in use"):
+            Link(listen=[endpoint(port)])
 
     def test_who_connects_first_finds_who_listens_later(self, port):
         inbox = Inbox(10, "wait")

@@ -124,12 +124,24 @@ class FakeRun:
         answer = Description(run=RUN, rig=rig.name, toml=rig.toml, t0_ns=time.time_ns(), mode=mode)
         self.answer = answer.SerializeToString()
         self.describes = True
+        self.asked = 0
         link.serve(keys.description(rig.name), self.describe)
         link.announce(keys.alive(rig.name, "daq"))
 
     def describe(self, request: Request) -> None:
+        self.asked += 1
         if self.describes:
             request.reply(self.answer)
+
+    def await_questions(self, count: int) -> None:
+        """Wait for so many more questions for the description.
+
+        Each follows the end of the one before, which went to the twin behind all that was sent until then.
+        """
+        enough, deadline = self.asked + count, time.monotonic() + 60.0
+        while self.asked < enough:
+            assert time.monotonic() < deadline, "the twin does not ask what the run is"
+            time.sleep(0.01)
 
     def end(self, sample: int) -> None:
         self.events.put(Event(run=RUN, sample=sample, source="daq", kind="end").SerializeToString())
@@ -245,9 +257,12 @@ def test_a_backlog_is_shed_live_and_the_newest_is_estimated(run, stage):
     daq, twin = stage()
     await_twin(daq, twin)
     daq.describes = False  # so that two seconds of blocks wait when the twin begins
-    for block in encoded(run):
+    *backlog, newest = encoded(run)
+    for block in backlog:
         daq.blocks.put(block)
-    time.sleep(5.0)  # for the blocks to arrive while the twin waits to be told what they are
+    daq.await_questions(3)  # of so many blocks at once the link may drop some; now it has room again
+    daq.blocks.put(newest)
+    daq.await_questions(3)
     daq.describes = True
     status = keys.status("thesis-ball", "twin")
     last = run.blocks[-1].first_sample + 250
