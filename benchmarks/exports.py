@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.report import Figure, medians, parser, rotated, show
-from daq.plan import load_plan
+from daq.commanding.plan import load_plan
 from daq.recording import Recording
 from daq.rig import load_rig
 from replay.catalogue import catalogue

@@ -25,8 +25,8 @@ import zenoh
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from daq.inbox import Inbox
 from daq.link import Link, free_ports
+from daq.link.inbox import Inbox
 from daq.messages import SeriesEncoder
 
 STAMP = struct.Struct("<Q")

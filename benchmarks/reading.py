@@ -21,7 +21,7 @@ from daq.describe import describe
 from daq.messages import SeriesEncoder
 from daq.messages_pb2 import Summary
 from daq.recording import Recording, RecordingWriter
-from daq.records import RecordFile
+from daq.recording.records import RecordFile
 from daq.rig import load_rig
 from daq.timing import StartTime
 

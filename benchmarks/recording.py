@@ -21,9 +21,9 @@ from mcap.writer import CompressionType, Writer
 
 from benchmarks.report import Figure, medians, parser, rotated, show
 from daq import keys
+from daq.commanding.plan import load_plan
 from daq.link import Inbox, Link, free_ports
 from daq.messages_pb2 import Event, Status
-from daq.plan import load_plan
 from daq.recording import Message, Recording, RecordingWriter
 from daq.rig import Rig, load_rig, with_ports
 from rigtwin.simulate_command import simulate

@@ -16,8 +16,8 @@ import numpy as np
 
 from benchmarks.report import Figure, parser, show
 from daq import keys
+from daq.commanding.plan import load_plan
 from daq.link import Link, free_ports
-from daq.plan import load_plan
 from daq.recording import Recording
 from daq.rig import Rig, load_rig, with_ports
 from rigtwin.simulate_command import simulate

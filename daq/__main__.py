@@ -48,7 +48,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _acquire(options: argparse.Namespace) -> int:
-    from daq.metadata import metadata_of
+    from daq.recording.metadata import metadata_of
     from daq.rig import load_rig
     from daq.service import acquire
 
@@ -59,7 +59,7 @@ def _acquire(options: argparse.Namespace) -> int:
 
 
 def _operate(options: argparse.Namespace) -> int:
-    from daq.operator import operate
+    from daq.commanding.operator import operate
 
     operate(options.rig, options.plan)
     return 0

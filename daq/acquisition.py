@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from daq import protection
 from daq.answers import Answers
 from daq.backend import Backend, EnableOutput, Output, OutputRefused, Reading, RestOutput, TruthSource
-from daq.commands import CommandError, Commands, Situation
+from daq.commanding.commands import CommandError, Commands, Situation
 from daq.continuity import Continuity, DriftWatch
 from daq.envelope import Envelope, EnvelopeError, Present
 from daq.events import EventLog, Publish

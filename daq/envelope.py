@@ -1,8 +1,8 @@
 """The last check before the device: what may be written to it, whoever made it and whyever.
 
-It trusts nothing that decides on outputs (`daq.commands`, plans, the operator): it has its own arithmetic
-of ranges, schedules and on-times, and asks only for the facts in `Present`. What brings the rig to rest
-always passes.
+It trusts nothing that decides on outputs (`daq.commanding`: commands, plans, the operator): it has its own
+arithmetic of ranges, schedules and on-times, and asks only for the facts in `Present`. What brings the rig
+to rest always passes.
 """
 
 from math import isfinite

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.channels import Channel
-from daq.limits import Limit
 from daq.rig import Rig
+from daq.rig.channels import Channel
+from daq.rig.limits import Limit
 from daq.sensor_check import SensorGuard, samples_of, sensor_guard
 from simulator.validation import RigError
 

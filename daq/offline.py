@@ -7,10 +7,10 @@ from typing import NamedTuple
 from daq import keys
 from daq.acquisition import Acquisition
 from daq.backend import make_backend
+from daq.commanding.operation import Operation
+from daq.commanding.plan import Plan
 from daq.events import Publish
 from daq.messages_pb2 import Event, Summary
-from daq.operation import Operation
-from daq.plan import Plan
 from daq.rig import Rig
 
 REST_TIME = 15.0

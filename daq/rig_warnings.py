@@ -3,9 +3,9 @@
 from datetime import date
 from math import inf, tau
 
-from daq.channels import Channel
 from daq.guard import guard_of
 from daq.rig import Rig
+from daq.rig.channels import Channel
 from daq.sensor_check import CONTACT
 
 DIGITAL = ("angle", "count")

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.channels import Channel
+from daq.rig.channels import Channel
 
 RANGE_PERSISTENCE = 0.010
 """s: how long a sensor is outside its range before it counts as not OK."""

@@ -11,12 +11,12 @@ from uuid import uuid4
 from daq import keys
 from daq.acquisition import Acquisition
 from daq.backend import Backend, BackendError, make_backend
+from daq.commanding.orders import CommandOrder, EndOrder, LeaseOrder, Order, Orders
 from daq.describe import EMULATED, LIVE, describe
 from daq.link import Link, Publisher, Request
-from daq.orders import CommandOrder, EndOrder, LeaseOrder, Order, Orders
+from daq.link.presence import Presence
 from daq.parent import follow_parent
 from daq.ports import with_free_ports
-from daq.presence import Presence
 from daq.rig import Rig
 from daq.runtime import claim
 

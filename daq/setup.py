@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from daq import keys, toml_source
+from daq import keys
 from daq.acquisition import Acquisition
 from daq.backend import Backend
-from daq.channels import Channel
 from daq.guard import displacement_planes
 from daq.installation import Roll, Values, Wall, answers, roll_of, wall_of
 from daq.messages import decode_series
 from daq.messages_pb2 import Command
-from daq.rig import Rig, RigError, rig_from_text
+from daq.rig import Rig, RigError, rig_from_text, toml_source
+from daq.rig.channels import Channel
 from daq.shaft import ENCODER
 
 REST = 1.0  # s of readings at rest

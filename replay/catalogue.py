@@ -7,10 +7,10 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
-from daq.certificate import Certificate
-from daq.notes import notes_of
-from daq.overview import RECORD, Overview, topics
 from daq.recording import Recording, RecordingError, parts
+from daq.recording.certificate import Certificate
+from daq.recording.notes import notes_of
+from daq.recording.overview import RECORD, Overview, topics
 from replay.info import utc
 from simulator.validation import RigError
 

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.channels import QUANTITIES, Channel, ChannelTable
-from daq.toml_source import parse, read
+from daq.rig.channels import QUANTITIES, Channel, ChannelTable
+from daq.rig.toml_source import parse, read
 from simulator.validation import NAME, Quantity, RigError, nearest, tuple_at
 
 TURN = float(np.float32(tau))

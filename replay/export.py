@@ -7,10 +7,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from daq.channels import Channel
 from daq.recording import Signals, prepare
+from daq.recording.storage import refusal
 from daq.rig import RigError, rig_from_text
-from daq.storage import refusal
+from daq.rig.channels import Channel
 from replay.formats import writer_for
 from replay.formats.head import Column, Head
 from replay.pieces import Progress, Stretch

@@ -15,11 +15,11 @@ import tomli_w
 
 from daq import keys
 from daq.backend import HitOutput, RestOutput, SpeedOutput
-from daq.certificate import Certificate
 from daq.messages import Series, decode_series
 from daq.messages_pb2 import Description
-from daq.recorded_run import RecordedRun
 from daq.recording import RecordingWriter, series_end
+from daq.recording.certificate import Certificate
+from daq.recording.recorded_run import RecordedRun
 from daq.rig import Rig, rig_from_text, with_overrides
 from daq.shaft import ENCODER, sense_of
 from replay.outputs import Written, outputs_of

@@ -4,9 +4,10 @@ from math import degrees
 from typing import Any
 
 from analysis.regime import named
-from daq import keys, toml_source
+from daq import keys
 from daq.messages_pb2 import Description, TwinSummary
 from daq.recording import Recording, RecordingError
+from daq.rig import toml_source
 from twin.identification import BALANCE_RADIUS
 
 SHOWN = {

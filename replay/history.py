@@ -6,12 +6,12 @@ from heapq import heappop, heappush
 from pathlib import Path
 
 from daq import keys
-from daq.certificate import Coverage
 from daq.messages import Series, decode_series
 from daq.messages_pb2 import Event
-from daq.recorded_run import RecordedRun
 from daq.recording import Check, Message, Recording, RecordingError, parts, series_end
-from daq.recording_reader import SERIES_KEYS
+from daq.recording.certificate import Coverage
+from daq.recording.reader import SERIES_KEYS
+from daq.recording.recorded_run import RecordedRun
 
 NOT_RECEIVED = "not received"
 

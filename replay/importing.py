@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.certificate import Certificate
 from daq.describe import IMPORTED, describe
 from daq.events import EventLog
 from daq.guard import guard_of
 from daq.messages import BlockStatus, Samples
 from daq.messages_pb2 import WARNING
 from daq.recording import RecordingError, RecordingWriter, prepare
+from daq.recording.certificate import Certificate
+from daq.recording.storage import refusal
 from daq.rig import Rig
-from daq.storage import refusal
 from daq.stream import Stream
 from daq.timing import StartTime
 from replay.channel_map import ChannelMap, Layout

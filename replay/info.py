@@ -10,9 +10,9 @@ import numpy as np
 
 from daq.messages import Series
 from daq.messages_pb2 import Event, Severity
-from daq.notes import notes_of
-from daq.recorded_run import RecordedRun
 from daq.recording import Check, parts
+from daq.recording.notes import notes_of
+from daq.recording.recorded_run import RecordedRun
 from daq.rig import rig_from_text
 from replay import found
 

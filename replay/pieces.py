@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from daq import keys
-from daq.certificate import SERIES
 from daq.messages import Series, decode_series, read_header
 from daq.recording import Recording, RecordingError, Signals, parts, series_end
-from daq.recording_reader import SERIES_KEYS
-from daq.signals import joined
+from daq.recording.certificate import SERIES
+from daq.recording.reader import SERIES_KEYS
+from daq.recording.signals import joined
 
 WINDOW = 1 << 17  # samples of the index that a piece holds at most: 5 s at 25 kHz; no message holds more
 Progress = Callable[[int], object]

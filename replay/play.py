@@ -7,8 +7,8 @@ from threading import Event as Flag
 
 from daq.describe import REPLAY
 from daq.link import Link
-from daq.recorded_run import RecordedRun
 from daq.recording import parts
+from daq.recording.recorded_run import RecordedRun
 from daq.rig import Rig
 from daq.runtime import claim
 from replay.player import Player, PlayerError

@@ -11,15 +11,15 @@ from collections.abc import Iterator, Sequence
 from threading import Event as Flag
 
 from daq import keys
+from daq.commanding.orders import CommandOrder, Orders
 from daq.describe import REPLAY
 from daq.events import SOURCE, EventCounter
 from daq.link import Link, Publisher, Request
+from daq.link.presence import Presence
 from daq.messages import decode_series
 from daq.messages_pb2 import Answer, Description, Event, Status
-from daq.orders import CommandOrder, Orders
-from daq.presence import Presence
-from daq.recorded_run import RecordedRun
 from daq.recording import Message, series_end
+from daq.recording.recorded_run import RecordedRun
 from daq.timing import NS
 from replay.transport import Transport
 

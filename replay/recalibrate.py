@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from daq import keys, toml_source
-from daq.certificate import Certificate
-from daq.channels import ChannelTable
+from daq import keys
 from daq.guard import guard_of
 from daq.messages import decode_series
 from daq.recording import RecordingError, RecordingWriter
-from daq.rig import Rig, RigError, rig_from_text
+from daq.recording.certificate import Certificate
+from daq.rig import Rig, RigError, rig_from_text, toml_source
+from daq.rig.channels import ChannelTable
 from daq.stream import Stream
 from daq.timing import StartTime
 from replay.history import RepeatableRun

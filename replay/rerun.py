@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from daq import keys
-from daq.certificate import Certificate
 from daq.describe import versions
 from daq.messages import Series, decode_series
 from daq.recording import Message, RecordingError, RecordingWriter
+from daq.recording.certificate import Certificate
 from daq.rig import Rig, rig_from_text
 from replay.history import NOT_RECEIVED, History, RepeatableRun
 from twin.estimation import SOURCE, Twin

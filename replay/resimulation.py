@@ -10,10 +10,10 @@ from daq import keys
 from daq.acquisition import Acquisition
 from daq.backend import Output, Reading
 from daq.backends.emulator import Emulator
-from daq.certificate import Certificate
 from daq.messages_pb2 import Description
-from daq.recorded_run import RecordedRun
 from daq.recording import RecordingError, RecordingWriter
+from daq.recording.certificate import Certificate
+from daq.recording.recorded_run import RecordedRun
 from daq.rig import Rig, rig_from_text
 from replay.outputs import Written, outputs_of
 from twin.estimation import Twin

@@ -9,12 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from daq import toml_source
 from daq.guard import Guard, guard_of
 from daq.messages import Samples
 from daq.protection import Trip, Warned, check, initial_state, reset, shown
 from daq.recording import RecordingError
-from daq.rig import Rig, RigError, rig_from_text, with_overrides
+from daq.rig import Rig, RigError, rig_from_text, toml_source, with_overrides
 from replay.history import RepeatableRun
 from replay.rerun import Progress, rig_of
 

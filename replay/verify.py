@@ -5,9 +5,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from daq.fingerprint import numeric_fingerprint
 from daq.messages import Series
 from daq.recording import Check
+from daq.recording.fingerprint import numeric_fingerprint
 from replay.comparison import Comparison, Difference, Scales
 from replay.history import History, RepeatableRun
 from replay.rerun import Progress, Repetition

@@ -9,9 +9,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from daq.plan import Plan, load_plan
-    from daq.recorded_run import RecordedRun
+    from daq.commanding.plan import Plan, load_plan
     from daq.recording import Recording, RecordingError, Signals
+    from daq.recording.recorded_run import RecordedRun
     from daq.rig import Rig, RigError, load_rig, rig_from_text, shipped_rigs
     from replay.export import export
     from rigtwin.simulate_command import simulate
@@ -33,15 +33,15 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Plan": "daq.plan",
-    "RecordedRun": "daq.recorded_run",
+    "Plan": "daq.commanding.plan",
+    "RecordedRun": "daq.recording.recorded_run",
     "Recording": "daq.recording",
     "RecordingError": "daq.recording",
     "Rig": "daq.rig",
     "RigError": "daq.rig",
     "Signals": "daq.recording",
     "export": "replay.export",
-    "load_plan": "daq.plan",
+    "load_plan": "daq.commanding.plan",
     "load_rig": "daq.rig",
     "rig_from_text": "daq.rig",
     "shipped_rigs": "daq.rig",

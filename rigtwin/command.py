@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
 
 def run_advised(options: argparse.Namespace, rig: "Rig") -> int:
     """Search for the hit that frees the rotor and send it; return 1 when there is none."""
-    from daq.commands import CommandError
+    from daq.commanding.commands import CommandError
     from daq.messages_pb2 import Answer
     from rigtwin.advised_hit import arguments, search
 

@@ -24,8 +24,8 @@ from daq.link import Inbox, Link
 from daq.messages import decode_series
 from daq.messages_pb2 import Answer, Command, Event
 from daq.ports import with_free_ports
+from daq.recording.signals import Signals, joined
 from daq.rig import Rig, load_rig, rig_from_text
-from daq.signals import Signals, joined
 
 PATIENCE = 60.0
 """s that a real-time rig may take for what a test waits for."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from daq.plan import Plan
+    from daq.commanding.plan import Plan
     from daq.rig import Rig
     from rigtwin.supervisor import Supervisor
 
@@ -92,9 +92,9 @@ def rig_of(options: argparse.Namespace) -> "Rig":
 
 def run(options: argparse.Namespace) -> int:
     """Run the rig; return 0 when all went as planned, 1 when the plan was cut short or something failed."""
-    from daq.metadata import metadata_of
     from daq.ports import with_free_ports
-    from daq.rotation import rotation
+    from daq.recording.metadata import metadata_of
+    from daq.recording.rotation import rotation
     from daq.runtime import refuse_second
     from rigtwin.supervisor import StopRequest
 
@@ -122,7 +122,7 @@ def run(options: argparse.Namespace) -> int:
 
 def plan_of(options: argparse.Namespace, rig: "Rig") -> "Plan | None":
     """The plan to perform. Without an option that is the rig's own, but only on an emulated rig."""
-    from daq.plan import load_plan
+    from daq.commanding.plan import load_plan
 
     if options.plan == "none" or (options.plan is None and not (rig.emulated and rig.plan)):
         return None

@@ -20,8 +20,8 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
 
 def run(options: argparse.Namespace) -> int:
     """Append the note and say where."""
-    from daq.metadata import metadata_of
-    from daq.notes import add_note
+    from daq.recording.metadata import metadata_of
+    from daq.recording.notes import add_note
 
     path = add_note(options.file, getpass.getuser(), options.text, metadata_of(options.meta))
     print(f"noted in {path}")

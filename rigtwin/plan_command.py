@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rigtwin.live import add_rig_options, rig_of
 
 if TYPE_CHECKING:
-    from daq.plan import Plan
+    from daq.commanding.plan import Plan
     from daq.rig import Rig
 
 
@@ -52,7 +52,7 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
 
 def run_list(options: argparse.Namespace) -> int:
     """Print the shipped plans that the rig can perform, with their durations on it."""
-    from daq.plan import PlanError, load_plan, shipped_plans
+    from daq.commanding.plan import PlanError, load_plan, shipped_plans
 
     rig, plans = rig_of(options), []
     for name in shipped_plans():
@@ -78,8 +78,8 @@ def _facts(plan: "Plan", rig: "Rig") -> dict[str, object]:
 
 def run_show(options: argparse.Namespace) -> int:
     """Print each step with the time at which it begins."""
-    from daq.plan import load_plan
-    from daq.plan_steps import lasting, sentence, speed_after
+    from daq.commanding.plan import load_plan
+    from daq.commanding.plan_steps import lasting, sentence, speed_after
 
     rig = rig_of(options)
     plan = load_plan(options.plan, rig)
@@ -100,9 +100,9 @@ def run_show(options: argparse.Namespace) -> int:
 
 def run_check(options: argparse.Namespace) -> int:
     """Check a plan, and perform it on the model; return 1 when it is refused or trips the limits."""
-    from daq.limits import NO_LIMIT
-    from daq.plan import PlanError, load_plan
-    from daq.toml_source import find
+    from daq.commanding.plan import PlanError, load_plan
+    from daq.rig.limits import NO_LIMIT
+    from daq.rig.toml_source import find
 
     rig = rig_of(options)
     find(options.plan, "plan")
@@ -125,9 +125,8 @@ def run_check(options: argparse.Namespace) -> int:
 
 def run_run(options: argparse.Namespace) -> int:
     """Give a plan to the operator of the running rig; return 1 when it is refused."""
-    from daq import toml_source
-    from daq.plan import load_plan
-    from daq.rig import rig_from_text
+    from daq.commanding.plan import load_plan
+    from daq.rig import rig_from_text, toml_source
     from daq.runtime import running
 
     rig = rig_from_text(running(options.rig)["toml"])

@@ -86,10 +86,10 @@ def run_check(options: argparse.Namespace) -> int:
     """Check a description; return 1 when it is wrong."""
     from datetime import date
 
-    from daq.plan import PlanError, load_plan
+    from daq.commanding.plan import PlanError, load_plan
     from daq.rig import RigError, load_rig
+    from daq.rig.toml_source import find
     from daq.rig_warnings import warnings
-    from daq.toml_source import find
 
     find(options.rig, "rig")
     try:
@@ -122,7 +122,7 @@ def summary(rig: "Rig") -> str:
 def run_init(options: argparse.Namespace) -> int:
     """Copy a shipped description, comments and all, under the name of the new file."""
     from daq.rig import RigError
-    from daq.toml_source import find, read
+    from daq.rig.toml_source import find, read
     from simulator.validation import NAME, value_of
 
     source, path = find(options.source, "rig"), options.path

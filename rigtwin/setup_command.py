@@ -64,7 +64,7 @@ def refuse_existing(path: Path) -> None:
 def connect(rig: "Rig") -> "Backend":
     """Open the rig's device; an emulated one as fast as it goes, with a hand at its shaft."""
     from daq.backend import make_backend
-    from daq.hand import with_hand
+    from daq.commanding.hand import with_hand
 
     device = make_backend("emulator", paced=False) if rig.emulated else make_backend(rig.acquisition.backend)
     device.open(with_hand(rig) if rig.emulated else rig)
@@ -73,7 +73,7 @@ def connect(rig: "Rig") -> "Backend":
 
 def hand_of(rig: "Rig") -> "Callable[[Backend], None]":
     """Return what lets the shaft be pushed round: the emulated hand, or a person who is asked to."""
-    from daq.hand import push_round
+    from daq.commanding.hand import push_round
     from daq.setup import PUSH
 
     def push(device: "Backend") -> None:

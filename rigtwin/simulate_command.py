@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from rigtwin.live import add_meta_option, add_rig_options, rig_of
 
 if TYPE_CHECKING:
+    from daq.commanding.plan import Plan
     from daq.offline import Outcome
-    from daq.plan import Plan
     from daq.rig import Rig
 
 
@@ -35,8 +35,8 @@ def run(options: argparse.Namespace) -> int:
     from rich.console import Console
     from rich.progress import Progress
 
-    from daq.metadata import metadata_of
-    from daq.plan import load_plan
+    from daq.commanding.plan import load_plan
+    from daq.recording.metadata import metadata_of
     from replay.info import brief
 
     rig = rig_of(options)

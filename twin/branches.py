@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from daq.limits import Limits
+from daq.rig.limits import Limits
 from simulator.rig import Solenoid
 from simulator.simulation import Simulation
 from simulator.state import SIGNALS, STATE

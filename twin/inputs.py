@@ -4,8 +4,8 @@ from math import cos, radians, sin
 
 import numpy as np
 
-from daq.channels import Channel
 from daq.rig import Rig, RigError
+from daq.rig.channels import Channel
 from daq.shaft import ENCODER, sense_of
 from simulator.rig import Solenoid
 from simulator.sensors import CURRENT

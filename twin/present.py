@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from daq import keys
+from daq.commanding.plan import PlanError, SpeedStep, load_plan
 from daq.link import Inbox, Link
 from daq.messages import Series, decode_series
 from daq.messages_pb2 import Event, TwinSummary
-from daq.plan import PlanError, SpeedStep, load_plan
 from daq.recording import Recording
 from daq.rig import Rig, rig_from_text
 from twin.estimate import EstimateStatus

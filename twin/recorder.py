@@ -16,16 +16,16 @@ from threading import Event as Flag
 from google.protobuf.message import DecodeError
 
 from daq import keys
-from daq.certificate import SERIES, Certificate
 from daq.link import Inbox, Link, LinkError
+from daq.link.presence import Presence
 from daq.messages import MessageError, decode_series, read_header
 from daq.messages_pb2 import Description, Status
 from daq.parent import follow_parent
 from daq.ports import as_it_runs
-from daq.presence import Presence
 from daq.recording import Recording, RecordingError, RecordingWriter, part_path, parts, prepare, series_end
+from daq.recording.certificate import SERIES, Certificate
+from daq.recording.rotation import Rotation, rotation
 from daq.rig import Rig, load_rig
-from daq.rotation import Rotation, rotation
 
 PROCESS = "recorder"
 CAPACITY = 8192  # messages that may wait: about 15 s of a run

@@ -21,11 +21,11 @@ import numpy as np
 from daq import keys
 from daq.describe import REPLAY
 from daq.link import Inbox, Link, LinkError, Publisher
+from daq.link.presence import Presence
 from daq.messages import MessageError, SeriesEncoder, read_header
 from daq.messages_pb2 import Description, Event, Status
 from daq.parent import follow_parent
 from daq.ports import as_it_runs
-from daq.presence import Presence
 from daq.rig import Rig, RigError, load_rig, rig_from_text
 from twin.estimation import SOURCE, Twin
 

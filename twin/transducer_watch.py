@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.cusum import Cusum
-from daq.channels import Channel
 from daq.rig import Rig
+from daq.rig.channels import Channel
 from twin.fault import Fault
 from twin.windows import Window
 

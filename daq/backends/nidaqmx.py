@@ -25,9 +25,9 @@ from daq.backend import (
     address_of,
 )
 from daq.backends.nidaqmx_outputs import Pulse, Relay, SpeedRamp
-from daq.channels import Channel
 from daq.optional import optional
 from daq.rig import Rig
+from daq.rig.channels import Channel
 from simulator.validation import Quantity, tuple_at
 
 RATES = (0.1, 2e6)

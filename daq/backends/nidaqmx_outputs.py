@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from daq.channels import Channel
+from daq.rig.channels import Channel
 
 RAMP_RATE = 1000.0
 """Hz with which a ramp is put out."""

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from daq import keys
 from daq.backend import BackendError, Capabilities, Output, Reading, RestOutput, address_of, take_rest
-from daq.channels import ChannelTable
 from daq.messages import BlockStatus, Series, decode_series
-from daq.recording_reader import Recording
+from daq.recording.reader import Recording
+from daq.recording.storage import RecordingError
 from daq.rig import Rig
-from daq.storage import RecordingError
+from daq.rig.channels import ChannelTable
 from simulator.validation import nearest
 
 RATES = (1e-3, 1e9)

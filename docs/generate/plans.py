@@ -2,8 +2,8 @@
 
 from contextlib import suppress
 
-from daq.plan import Plan, PlanError, PlanHead, load_plan, shipped_plans
-from daq.plan_steps import STEPS, Abort
+from daq.commanding.plan import Plan, PlanError, PlanHead, load_plan, shipped_plans
+from daq.commanding.plan_steps import STEPS, Abort
 from daq.rig import Rig, load_rig, shipped_rigs
 from docs.generate.fields import section
 from docs.generate.markdown import table

@@ -1,8 +1,8 @@
 """The tables of a rig description."""
 
-from daq import limits, settings
-from daq.channels import QUANTITIES, Channel
-from daq.rig import Head, load_rig, shipped_rigs
+from daq.rig import limits, load_rig, settings, shipped_rigs
+from daq.rig.channels import QUANTITIES, Channel
+from daq.rig.description import Head
 from docs.generate.fields import section
 from docs.generate.markdown import table
 from simulator import faults, unbalance

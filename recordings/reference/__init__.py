@@ -4,7 +4,7 @@ import tomllib
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from daq.plan import load_plan
+from daq.commanding.plan import load_plan
 from daq.rig import load_rig
 from replay.comparison import Comparison, Scales
 from replay.history import RepeatableRun

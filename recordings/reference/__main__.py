@@ -2,8 +2,8 @@
 
 import tomli_w
 
-from daq.fingerprint import numeric_fingerprint
 from daq.recording import Recording
+from daq.recording.fingerprint import numeric_fingerprint
 from recordings.reference import FOLDER, REFERENCES, SEED, TABLE, Reference
 
 HEAD = """\

@@ -11,7 +11,7 @@ import numpy as np
 
 from daq.optional import optional
 from daq.recording import Signals
-from daq.signals import EXTRA
+from daq.recording.signals import EXTRA
 from replay.formats.head import Head
 
 CHUNK = 65536  # samples that lie together

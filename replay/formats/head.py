@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from daq.recording import SampleClock
+from daq.timing import SampleClock
 
 
 class Column(NamedTuple):

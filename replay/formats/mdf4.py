@@ -12,7 +12,7 @@ import numpy as np
 
 from daq.optional import optional
 from daq.recording import Signals
-from daq.signals import EXTRA
+from daq.recording.signals import EXTRA
 from replay.formats.head import Head
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from daq.optional import optional
 from daq.recording import Signals
-from daq.signals import EXTRA
+from daq.recording.signals import EXTRA
 from replay.formats.head import Head
 
 

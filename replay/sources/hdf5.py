@@ -11,7 +11,7 @@ from typing import Any
 
 from daq.optional import optional
 from daq.recording import RecordingError
-from daq.signals import EXTRA
+from daq.recording.signals import EXTRA
 from replay.channel_map import Layout
 from replay.sources import Columns, Source, common_length, ns_of, sliced
 

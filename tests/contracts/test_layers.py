@@ -50,5 +50,5 @@ def test_help_imports_nothing_heavy(room):
 
 
 def test_acquisition_imports_no_compiler():
-    code = "import sys, daq.acquisition, daq.service, daq.operator; sys.exit('numba' in sys.modules)"
+    code = "import sys, daq.service, daq.commanding.operator; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT).returncode == 0

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from daq import keys
 from daq.link import Link, free_ports
-from daq.presence import Presence
+from daq.link.presence import Presence
 from daq.rig import Rig, load_rig, with_ports
 from tests.daq.recorded_run import RIG, Maker, description
 

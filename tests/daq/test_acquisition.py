@@ -12,10 +12,10 @@ from daq.acquisition import Acquisition
 from daq.answers import KEPT, Answers
 from daq.backend import RestOutput, make_backend
 from daq.backends.emulator import Emulator
+from daq.commanding.plan import load_plan, plan_from_text
 from daq.messages import BlockStatus, decode_series
 from daq.messages_pb2 import ALARM, Answer, ChannelSummary, Command, Event, Summary
 from daq.offline import perform
-from daq.plan import load_plan, plan_from_text
 from daq.rig import load_rig, rig_from_text
 from simulator.state import TRUTH
 

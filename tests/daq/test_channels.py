@@ -5,8 +5,8 @@ from math import pi
 import numpy as np
 import pytest
 
-from daq.channels import QUANTITIES, ChannelTable
 from daq.rig import load_rig
+from daq.rig.channels import QUANTITIES, ChannelTable
 from simulator.rig import RigError
 
 

@@ -6,7 +6,7 @@ from math import inf, nan, tau
 import pytest
 
 from daq.backend import HitOutput, RestOutput, SpeedOutput
-from daq.commands import COUNTED_PAUSE, CommandError, Commands, Situation
+from daq.commanding.commands import COUNTED_PAUSE, CommandError, Commands, Situation
 from daq.messages_pb2 import Command
 from daq.rig import load_rig
 from daq.shaft import Motion

@@ -30,8 +30,8 @@ def power_cut_model(path: Path, monkeypatch, seconds: float) -> tuple[list[float
     def request(syncer) -> None:
         synced.append((now[0] + SYNC, os.fstat(syncer._fd).st_size))
 
-    monkeypatch.setattr("daq.storage._Syncer.request", request)
-    monkeypatch.setattr("daq.recording.time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr("daq.recording.storage._Syncer.request", request)
+    monkeypatch.setattr("daq.recording.writer.time", SimpleNamespace(monotonic=lambda: now[0]))
     make, came = Maker(), []
     with RecordingWriter(path, description()) as writer:
         for number in range(round(seconds * RATE / BLOCK)):

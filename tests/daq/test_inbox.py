@@ -3,7 +3,7 @@ from queue import SimpleQueue
 
 import pytest
 
-from daq.inbox import Inbox
+from daq.link.inbox import Inbox
 
 PATIENCE = 30.0
 

@@ -24,7 +24,7 @@ from daq.link import (
     Request,
     free_ports,
 )
-from daq.recovery import STAMP, stamp_of
+from daq.link.recovery import STAMP, stamp_of
 from tests.daq.link_process import END, KEY, NUMBER, payload_of
 
 ROOT = Path(__file__).parents[2]

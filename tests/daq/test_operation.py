@@ -7,10 +7,10 @@ import pytest
 from daq import keys
 from daq.acquisition import Acquisition
 from daq.backend import make_backend
+from daq.commanding.operation import Operation
+from daq.commanding.plan import plan_from_text
 from daq.link import LinkError, NoAnswer
 from daq.messages_pb2 import Answer, Command, Event, Summary
-from daq.operation import Operation
-from daq.plan import plan_from_text
 from daq.rig import load_rig
 
 RIG = load_rig("thesis-ball")

@@ -3,8 +3,8 @@
 
 import pytest
 
-from daq.plan import PlanError, load_plan, plan_from_text, shipped_plans
-from daq.plan_runner import PlanRunner
+from daq.commanding.plan import PlanError, load_plan, plan_from_text, shipped_plans
+from daq.commanding.plan_runner import PlanRunner
 from daq.rig import load_rig, shipped_rigs
 
 HEAD = '[plan]\nname = "short"\ndescription = "for a test"\n'

@@ -10,11 +10,11 @@ import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.channels import ChannelTable
 from daq.guard import displacement_planes, guard_of, length, magnitude
-from daq.limits import NO_LIMIT
 from daq.protection import Trip, Warned, check, initial_state, latch, reset
 from daq.rig import load_rig, rig_from_text, with_overrides
+from daq.rig.channels import ChannelTable
+from daq.rig.limits import NO_LIMIT
 from daq.sensor_check import run_lengths
 from simulator.rig import RigError
 

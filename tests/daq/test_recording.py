@@ -16,11 +16,11 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from daq import keys
-from daq.certificate import Coverage, Ledger
-from daq.fingerprint import numeric_fingerprint
 from daq.messages import BlockStatus
 from daq.messages_pb2 import Event
 from daq.recording import Recording, RecordingError, RecordingWriter, part_path, parts, prepare, recover
+from daq.recording.certificate import Coverage, Ledger
+from daq.recording.fingerprint import numeric_fingerprint
 from tests.daq.disk import small_disk
 from tests.daq.recorded_run import BLOCK, NAMES, RATE, RIG, T0_NS, Maker, description, record, samples
 
@@ -55,7 +55,7 @@ def test_log_time_is_that_of_the_sample_and_sequence_the_block_number(tmp_path):
 
 
 def test_log_time_is_exact_where_the_rate_divides_no_second(tmp_path):
-    from daq.recording import SampleClock
+    from daq.timing import SampleClock
 
     clock = SampleClock(T0_NS, 44_100.0)
     assert clock.ns(44_100 * 10**9) == T0_NS + 10**18

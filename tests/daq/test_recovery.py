@@ -2,9 +2,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq import recovery
-from daq.inbox import Inbox
-from daq.recovery import Cache, Recovery, range_of
+from daq.link import recovery
+from daq.link.inbox import Inbox
+from daq.link.recovery import Cache, Recovery, range_of
 
 KEY = "rig/test/daq/block"
 

@@ -13,7 +13,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from daq.acquisition import Acquisition
 from daq.backend import Capabilities, EnableOutput, HitOutput, Reading, RestOutput, SpeedOutput
-from daq.commands import COUNTED_PAUSE, TAKES
+from daq.commanding.commands import COUNTED_PAUSE, TAKES
 from daq.messages_pb2 import Command
 from daq.rig import load_rig
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from daq.backends.emulator import Emulator
-from daq.hand import push_round, with_hand
+from daq.commanding.hand import push_round, with_hand
 from daq.installation import roll_of, wall_of
 from daq.rig import RigError, load_rig, rig_from_text
 from daq.setup import Setup

@@ -7,7 +7,7 @@ import pytest
 
 from daq.messages import Series
 from daq.optional import MissingPackage
-from daq.signals import Signals, joined
+from daq.recording.signals import Signals, joined
 
 NAMES, UNITS = ("tilt_x", "force"), ("rad", "N")
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from daq.plan import load_plan
+from daq.commanding.plan import load_plan
 from daq.recording import Recording
 from daq.rig import load_rig
 from rigtwin import simulate

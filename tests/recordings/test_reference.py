@@ -8,8 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from daq.fingerprint import numeric_fingerprint
 from daq.recording import Recording
+from daq.recording.fingerprint import numeric_fingerprint
 from recordings.reference import FOLDER, REFERENCES, compare, table
 from replay.verify import BOUND, EQUIVALENT, IDENTICAL, verify
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from daq.notes import add_note
-from daq.overview import RECORD, Overview
 from daq.recording import Recording, RecordingError, RecordingWriter, recover
+from daq.recording.notes import add_note
+from daq.recording.overview import RECORD, Overview
 from recordings.reference import REFERENCES
 from replay.catalogue import catalogue, entry
 from replay.catalogue_text import comparison, listing
@@ -169,7 +169,7 @@ def test_a_closed_file_is_read_at_its_ends_only(tmp_path, monkeypatch):
     def unpacked(*_):
         raise AssertionError("a chunk was unpacked")
 
-    monkeypatch.setattr("daq.recording_reader.unpack_chunk", unpacked)
+    monkeypatch.setattr("daq.recording.reader.unpack_chunk", unpacked)
     assert entry(tmp_path / "run.mcap").duration == 200 * BLOCK / RATE
 
 

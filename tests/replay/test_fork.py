@@ -6,7 +6,7 @@ from math import atan2, hypot
 import numpy as np
 import pytest
 
-from daq.plan import plan_from_text
+from daq.commanding.plan import plan_from_text
 from daq.recording import Recording
 from daq.rig import load_rig, rig_from_text
 from replay.fork import ForkError, fork

@@ -5,9 +5,9 @@ import json
 import pytest
 from mcap.reader import make_reader
 
-from daq.metadata import metadata_of
-from daq.notes import notes_of
 from daq.recording import Recording, recover
+from daq.recording.metadata import metadata_of
+from daq.recording.notes import notes_of
 from daq.rig import RigError
 from rigtwin.cli import main
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from daq.rig import RigError, load_rig, shipped_rigs
-from daq.toml_source import shipped
+from daq.rig.toml_source import shipped
 from rigtwin import plan_command, rig_command
 from rigtwin.cli import main
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from daq.backend import HitOutput, SpeedOutput
 from daq.backends.emulator import Emulator
+from daq.commanding.plan import Plan, plan_from_text
+from daq.commanding.plan_runner import PlanRunner
 from daq.messages import Series
-from daq.plan import Plan, plan_from_text
-from daq.plan_runner import PlanRunner
 from daq.rig import Rig
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from daq.backend import SpeedOutput
 from daq.backends.emulator import Emulator
-from daq.plan import load_plan
+from daq.commanding.plan import load_plan
 from daq.rig import Rig, load_rig
 from tests.twin.emulated import emulate, series_of
 from twin.fault import Fault

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.impacts import Comparison, compare_impacts, correlation, find_impacts
-from daq.plan import load_plan
+from daq.commanding.plan import load_plan
 from daq.rig import RigError, load_rig
 from tests.twin.emulated import EmulatedRun, emulate, run_up
 from twin.estimate import STRIDE, Estimated, EstimateStatus

@@ -8,9 +8,9 @@ import pytest
 from daq import keys
 from daq.link import Inbox
 from daq.messages_pb2 import Status
-from daq.recorded_run import RecordedRun
 from daq.recording import Recording, parts
-from daq.rotation import Rotation, RotationError, rotation
+from daq.recording.recorded_run import RecordedRun
+from daq.recording.rotation import Rotation, RotationError, rotation
 from replay.info import info, text
 from tests.daq.broadcast import PATIENCE, Broadcast
 from tests.daq.disk import small_disk

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from math import inf, tau
 from typing import Annotated, Any, NamedTuple
 
-from daq.channels import ChannelTable
+from daq.rig.channels import ChannelTable
 from simulator.validation import Quantity, RigError, nearest, tuple_at
 
 PERSISTENCE = Annotated[float, Quantity("s", 0.0, 10.0, "time above the level before it counts")]

@@ -3,8 +3,17 @@
 from collections import deque
 from typing import NamedTuple
 
+from daq.commanding.plan_steps import (
+    Abort,
+    Plan,
+    SettleStep,
+    command_of,
+    lasting,
+    sentence,
+    shown,
+    speed_after,
+)
 from daq.messages_pb2 import Summary
-from daq.plan_steps import Abort, Plan, SettleStep, command_of, lasting, sentence, shown, speed_after
 from daq.rig import Rig
 
 

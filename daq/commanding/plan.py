@@ -1,14 +1,13 @@
 """Test plans: what a rig shall do, step by step, read from TOML and validated against the rig.
 
-The steps are in `daq.plan_steps`, what performs them in `daq.plan_runner`.
+The steps are in `daq.commanding.plan_steps`, what performs them in `daq.commanding.plan_runner`.
 """
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from daq import toml_source
-from daq.plan_steps import (
+from daq.commanding.plan_steps import (
     MOST_STEPS,
     STEPS,
     Abort,
@@ -21,7 +20,7 @@ from daq.plan_steps import (
     lasting,
     speed_after,
 )
-from daq.rig import Rig
+from daq.rig import Rig, toml_source
 from simulator.validation import NAME, RigError, nearest, tuple_at
 
 __all__ = ["Plan", "PlanError", "PlanHead", "load_plan", "plan_from_text", "shipped_plans"]

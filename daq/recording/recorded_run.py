@@ -4,12 +4,12 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Self
 
-from daq.certificate import Certificate, Check, Ledger
 from daq.messages import Series
 from daq.messages_pb2 import Description, Event
-from daq.recording_reader import Message, Recording
-from daq.signals import Signals, joined
-from daq.storage import RecordingError, part_path, parts
+from daq.recording.certificate import Certificate, Check, Ledger
+from daq.recording.reader import Message, Recording
+from daq.recording.signals import Signals, joined
+from daq.recording.storage import RecordingError, part_path, parts
 from daq.timing import SampleClock
 
 VERDICTS = ("valid", "incomplete", "no certificate", "altered")  # from best to worst

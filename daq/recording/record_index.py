@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from daq.records import CHANNEL, HEAD, Op, Record, RecordFile, text_at
+from daq.recording.records import CHANNEL, HEAD, Op, Record, RecordFile, text_at
 
 CHUNK_INDEX = struct.Struct("<QQQQI")  # times of the first and last message, start, length, bytes of the map
 HOLDS = struct.Struct("<HQ")  # an entry of the map: channel, and where the index of its messages stands

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from daq.records import SEAL
+from daq.recording.records import SEAL
 from simulator.validation import RigError
 
 KEY = re.compile(r"[a-z][a-z0-9_]{0,63}")

@@ -7,11 +7,11 @@ thread, and renews the lease as long as there is one.
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
+from daq.commanding.plan import Plan, PlanError, plan_from_text
+from daq.commanding.plan_runner import Action, PlanRunner
 from daq.events import EventCounter
 from daq.link import LinkError, NoAnswer
 from daq.messages_pb2 import INFO, WARNING, Answer, Command, Event, Severity, Status, Summary
-from daq.plan import Plan, PlanError, plan_from_text
-from daq.plan_runner import Action, PlanRunner
 from daq.rig import Rig
 
 PLANNING = ("plan", "resume")

@@ -12,10 +12,10 @@ from math import isclose, tau
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from daq import toml_source
-from daq.channels import Channel, ChannelTable, checked_table
-from daq.limits import Limits, limits_of
-from daq.settings import (
+from daq.rig import toml_source
+from daq.rig.channels import Channel, ChannelTable, checked_table
+from daq.rig.limits import Limits, limits_of
+from daq.rig.settings import (
     AcquisitionSettings,
     CaptureSettings,
     CommandSettings,

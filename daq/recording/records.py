@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import zstandard
 
-from daq.storage import RecordingError
+from daq.recording.storage import RecordingError
 
 
 class Op(IntEnum):

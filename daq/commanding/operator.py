@@ -1,4 +1,4 @@
-"""The operator's process: links, loop and orders around `daq.operation.Operation`.
+"""The operator's process: links, loop and orders around `daq.commanding.operation.Operation`.
 
 Everything happens in one thread, renewing the lease too: an operator that hangs loses the lease, and the daq
 brings the rig to rest. It serves people's commands on the link that it listens on, publishes its events
@@ -16,12 +16,12 @@ from uuid import uuid4
 from google.protobuf.message import DecodeError
 
 from daq import keys
-from daq.commands import TAKES
+from daq.commanding.commands import TAKES
+from daq.commanding.operation import PLANNING, Operation
+from daq.commanding.plan import Plan, load_plan
 from daq.link import Link, NoAnswer, NoAnswerInTime, Publisher, Request
 from daq.messages_pb2 import Answer, Command, Event, Summary
-from daq.operation import PLANNING, Operation
 from daq.parent import follow_parent
-from daq.plan import Plan, load_plan
 from daq.ports import as_it_runs
 from daq.rig import Rig, load_rig
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from daq.certificate import Coverage
 from daq.messages import Samples, Series
 from daq.optional import optional
-from daq.storage import RecordingError
+from daq.recording.certificate import Coverage
+from daq.recording.storage import RecordingError
 
 EXTRA = "export"
 """The extra that installs the packages for tables and file formats."""

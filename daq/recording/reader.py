@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from daq import keys
-from daq.certificate import Certificate, Check, Ledger
 from daq.messages import Series, decode_series
 from daq.messages_pb2 import Description, Event
-from daq.record_index import Index, scanned_chunk, stored_index
-from daq.records import (
+from daq.recording.certificate import Certificate, Check, Ledger
+from daq.recording.record_index import Index, scanned_chunk, stored_index
+from daq.recording.records import (
     MAGIC,
     SEAL,
     Damage,
@@ -25,8 +25,8 @@ from daq.records import (
     split_chunk,
     unpack_chunk,
 )
-from daq.signals import Signals, joined, series_end
-from daq.storage import RecordingError
+from daq.recording.signals import Signals, joined, series_end
+from daq.recording.storage import RecordingError
 from daq.timing import SampleClock
 
 RIG, CHANNELS = "rig.toml", "channels.csv"  # names of the attachments
@@ -132,7 +132,7 @@ class Recording:
 
     @property
     def fingerprint(self) -> dict[str, str]:
-        """What the estimates were made with, see `daq.fingerprint`; empty where that is not known."""
+        """What the estimates were made with (`daq.recording.fingerprint`); empty where that is not known."""
         stored = self.certificate
         return stored.fingerprint if stored else self.notes.get("fingerprint", {})
 

@@ -14,9 +14,9 @@ from dataclasses import asdict, dataclass, field
 from typing import NamedTuple
 
 from daq import keys
-from daq.fingerprint import numeric_fingerprint
 from daq.messages import TIMING_FLAGS, BlockStatus, decode_series, read_header
 from daq.messages_pb2 import Event
+from daq.recording.fingerprint import numeric_fingerprint
 from daq.series_layout import HeaderLayout, Layout, variable
 
 SERIES = ("Block", "Estimate", "Truth")
@@ -40,7 +40,7 @@ class Certificate:
         messages: number of messages of each topic.
         file_digest: SHA-256 of all payloads in the order of the file.
         signal_digests: SHA-256 of the samples of block, estimate and truth, without run id and wall time.
-        fingerprint: what the numbers depend on, see `daq.fingerprint`.
+        fingerprint: what the numbers depend on, see `daq.recording.fingerprint`.
         clean: whether the run's end was seen.
         continued: whether the recorder went on in the next part.
     """

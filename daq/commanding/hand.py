@@ -1,8 +1,7 @@
 """The hand that pushes the shaft of an emulated rig round its bearing, as a person does at a real one."""
 
-from daq import toml_source
 from daq.backend import Backend, HitOutput
-from daq.rig import Rig, rig_from_text
+from daq.rig import Rig, rig_from_text, toml_source
 
 PUSHES = 12
 FORCE = 18.0  # N: some more than magnet and gravity hold against

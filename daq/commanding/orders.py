@@ -7,7 +7,7 @@ from typing import NamedTuple
 from google.protobuf.message import DecodeError
 
 from daq import keys
-from daq.commands import TAKES
+from daq.commanding.commands import TAKES
 from daq.link import Link, Request
 from daq.messages_pb2 import Answer, Command
 

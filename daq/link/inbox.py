@@ -6,7 +6,7 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Literal
 
-from daq.recovery import Recovery, Stamp
+from daq.link.recovery import Recovery, Stamp
 
 LOOK_AGAIN_S = 0.1
 """Period at which a `put` that waits for room looks whether it still has to."""

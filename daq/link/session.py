@@ -3,7 +3,7 @@
 This is the only file that touches zenoh. A link never looks around by itself: it listens on the endpoints
 it is given, and on no others, and connects, again and again, to those it is given.
 
-Messages of a publisher with a cache are recovered by `daq.recovery`, not by zenoh's advanced publisher:
+Messages of a publisher with a cache are recovered by `daq.link.recovery`, not by zenoh's advanced publisher:
 while that one answers a slow or stopped subscriber, its `put` waits (5 s measured), and `put` is called by
 the thread that protects the rig.
 """
@@ -19,24 +19,10 @@ from typing import Any, Self, TypeVar
 
 import zenoh
 
-from daq.heartbeat import Heartbeat
-from daq.inbox import Inbox
-from daq.link_settings import LinkError, free_ports, reason, settings
-from daq.recovery import STAMP, Cache, Recovery, Stamp, is_whole, range_of, stamp_of
-
-__all__ = [
-    "Declaration",
-    "Inbox",
-    "Link",
-    "LinkError",
-    "NoAnswer",
-    "NoAnswerInTime",
-    "Publisher",
-    "Refused",
-    "Request",
-    "Subscription",
-    "free_ports",
-]
+from daq.link.heartbeat import Heartbeat
+from daq.link.inbox import Inbox
+from daq.link.recovery import STAMP, Cache, Recovery, Stamp, is_whole, range_of, stamp_of
+from daq.link.settings import LinkError, reason, settings
 
 HEARTBEAT_S = 0.25
 """Period at which a link tells the newest numbers of its caching publishers."""

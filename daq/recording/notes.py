@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from daq import toml_source
 from daq.recording import RecordingError
+from daq.rig import toml_source
 
 SUFFIX = ".notes.toml"
 

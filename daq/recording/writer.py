@@ -19,40 +19,22 @@ from typing import NamedTuple
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
-from daq import keys, messages_pb2, overview
-from daq.certificate import Certificate, Check, Ledger
-from daq.fingerprint import numeric_fingerprint
+from daq import keys, messages_pb2
 from daq.messages_pb2 import Description
-from daq.overview import Overview
-from daq.recording_reader import (
+from daq.recording import overview
+from daq.recording.certificate import Certificate, Ledger
+from daq.recording.fingerprint import numeric_fingerprint
+from daq.recording.overview import Overview
+from daq.recording.reader import (
     CHANNELS,
     FACTS,
     META,
     RIG,
-    Message,
     Recording,
 )
-from daq.records import SEAL, seal
-from daq.signals import Signals, series_end
-from daq.storage import RecordingError, Storage, part_path, parts, prepare
+from daq.recording.records import SEAL, seal
+from daq.recording.storage import RecordingError, Storage
 from daq.timing import SampleClock
-
-__all__ = [
-    "Certificate",
-    "Check",
-    "Message",
-    "Recording",
-    "RecordingError",
-    "RecordingWriter",
-    "Recovered",
-    "SampleClock",
-    "Signals",
-    "part_path",
-    "parts",
-    "prepare",
-    "recover",
-    "series_end",
-]
 
 CHUNK_SIZE = 256 * 1024  # bytes of messages that are compressed together
 FLUSH = 0.1  # s between two flushes
