@@ -10,6 +10,7 @@ from daq.timing import StartTime
 
 PACKAGES = ("rigtwin", "numpy", "numba", "eclipse-zenoh", "mcap", "protobuf")
 LIVE, EMULATED, IMPORTED, REPLAY = "LIVE", "EMULATED", "IMPORTED", "REPLAY"
+FORK = "-fork-"  # between the name of a run and the sample at which a fork leaves it
 
 
 def describe(
@@ -41,3 +42,13 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return found
+
+
+def run_of_fork(run: str, sample: int) -> str:
+    """Return the name of the run that goes on from a sample of another one."""
+    return f"{run}{FORK}{sample}"
+
+
+def run_before_forks(run: str) -> str:
+    """Return the run that a fork, or a fork of a fork, comes from; any other run's own name."""
+    return run.partition(FORK)[0]

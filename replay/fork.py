@@ -15,6 +15,7 @@ import tomli_w
 
 from daq import keys
 from daq.backend import HitOutput, RestOutput, SpeedOutput
+from daq.describe import run_of_fork
 from daq.messages import Series, decode_series
 from daq.messages_pb2 import Description
 from daq.recording import RecordingWriter, series_end
@@ -79,7 +80,7 @@ def fork(
         state = state_of(run, recorded, estimate, set_point, slope)
         description = Description()
         description.CopyFrom(run.description)
-        description.run, description.toml = f"{run.description.run}-fork-{first}", rig.toml
+        description.run, description.toml = run_of_fork(run.description.run, first), rig.toml
         description.first_sample, description.mode = first, "EMULATED"
         end = _end(run, first, seconds)
     device = Scripted(script)

@@ -14,7 +14,8 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         "view",
         help="look at recordings, or at the rig that is running",
         description="Show recordings in the rerun viewer: orbit, forces, displacement, speed, residuals and "
-        "events, from beginning to end. Without a file, open one more viewer on the rig that is running.",
+        "events, from beginning to end. Forks are drawn into the picture of the recording they come from. "
+        "Without a file, open one more viewer on the rig that is running.",
     )
     parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="recordings (.mcap)")
     parser.add_argument("--rig", metavar="NAME", help="which running rig, when several run")
@@ -44,12 +45,12 @@ def run(options: argparse.Namespace) -> int:
 
 
 def save(files: list[Path], target: Path) -> int:
-    """Write one recording as a file for the viewer. Raises `ViewError`."""
-    if len(files) != 1:
-        raise ViewError(f"--save writes one recording to one file, and {len(files)} were named")
+    """Write one picture as a file for the viewer. Raises `ViewError`."""
+    if not files:
+        raise ViewError("--save writes what a recording shows, and none was named")
     from twin.display_recording import save_recording
 
-    save_recording(files[0], target)
+    save_recording(files, target)
     print(f"saved {target}")
     return 0
 

@@ -1,8 +1,9 @@
 """The picture of a rig in the rerun viewer. This is the only file that imports rerun.
 
-A `Screen` is one recording of the viewer: it draws frames, events and the headline into a server in this
-process, on loopback and with bounded memory, or into a file. Whoever looks connects to that server;
-a viewer that is stopped or killed takes nothing from whoever draws.
+A `Screen` draws one run into one recording of the viewer: frames, events and the headline go into a server in
+this process, on loopback and with bounded memory, or into a file. Whoever looks connects to that server;
+a viewer that is stopped or killed takes nothing from whoever draws. Several screens on one canvas draw
+several runs, each with a look of its own, into one picture.
 """
 
 from collections.abc import Sequence
@@ -20,6 +21,7 @@ from daq.rig import Rig
 from simulator.clearance import bearing_edge
 from twin.display_data import MICRO, Contact, Curve, Frame, Orbit, Scene
 from twin.display_geometry import ruler, view_radius
+from twin.display_look import BACKGROUND, RESIDUALS, RULER, RUN, Colour, Look
 from twin.viewer import HOST, refuse_taken, wait_until_served
 
 SERVER_MEMORY = "256MB"  # kept for viewers that come late: about twenty minutes of a run
@@ -27,18 +29,6 @@ TIMELINE = "time"  # s since the run's start: sample index over rate
 WINDOW = 10.0  # s that the plots show while a run is followed
 ARROW = 4.0  # µm of arrow for one newton of contact force
 
-Colour = tuple[int, int, int]
-MEASURED_X, MEASURED_Y = (86, 180, 233), (240, 190, 70)
-TWIN_X, TWIN_Y = (213, 94, 160), (60, 190, 130)
-MEASURED, TWIN, COMMAND = MEASURED_X, TWIN_X, (150, 150, 150)
-EDGE, RULER, CONTACT = (225, 225, 225), (80, 86, 96), (240, 80, 60)
-RESIDUALS = ((86, 180, 233), (240, 190, 70), (60, 190, 130), (213, 94, 160), (170, 140, 240), (200, 200, 200))
-BACKGROUND = (16, 18, 22)
-
-ORBITS = {  # colour, half widths of line and dot on the screen, order from back to front
-    "measured": (MEASURED, 1.6, 5.0, 20.0),
-    "twin": (TWIN, 0.8, 3.5, 30.0),
-}
 LEVELS = (rr.TextLogLevel.INFO, rr.TextLogLevel.WARN, rr.TextLogLevel.ERROR)
 
 REGIMES = {
@@ -57,13 +47,6 @@ REGIMES = {
     Regime.FORWARD_WHIRL: (190, 90, 200),
     Regime.BACKWARD_WHIRL: (220, 60, 50),
 }
-LINES: dict[str, tuple[tuple[str, ...], tuple[Colour, ...]]] = {
-    "displacement/measured": (("x measured", "y measured"), (MEASURED_X, MEASURED_Y)),
-    "displacement/twin": (("x twin", "y twin"), (TWIN_X, TWIN_Y)),
-    "force/transducers": (("transducers' resultant",), (MEASURED,)),
-    "force/twin": (("twin's contact force",), (TWIN,)),
-    "speed": (("set-point", "speed"), (COMMAND, MEASURED)),
-}
 PLOTS = {  # title and share of the height
     "displacement": ("Displacement at the bearing, µm", 3.0),
     "force": ("Force, N", 3.0),
@@ -73,21 +56,29 @@ PLOTS = {  # title and share of the height
 }
 
 
+def canvas(identity: str) -> rr.RecordingStream:
+    """Return what screens draw on: a recording of the viewer; equal identities are the same recording."""
+    stream = rr.RecordingStream("rigtwin", recording_id=identity)
+    stream.set_log_tick_enabled(False)
+    stream.set_log_time_enabled(False)
+    return stream
+
+
 class Screen:
     """One run as rerun shows it.
 
     Args:
         rig: what is shown.
         scene: from which the frames come; it knows the names of the twin's residuals.
-        identity: of the recording in the viewer; equal identities are the same recording.
+        canvas: to draw on.
+        look: of the run; another than `RUN` draws it into the picture of the run that has the canvas.
     """
 
-    def __init__(self, rig: Rig, scene: Scene, identity: str) -> None:
+    def __init__(self, rig: Rig, scene: Scene, canvas: rr.RecordingStream, look: Look = RUN) -> None:
         self._rig = rig
         self._scene = scene
-        self._stream = rr.RecordingStream("rigtwin", recording_id=identity)
-        self._stream.set_log_tick_enabled(False)
-        self._stream.set_log_time_enabled(False)
+        self._stream = canvas
+        self._look = look
         self._named: set[str] = set()
 
     def serve(self, port: int) -> str:
@@ -96,18 +87,23 @@ class Screen:
         sink = rr.GrpcServerSink(HOST, port, server_memory_limit=SERVER_MEMORY)
         self._stream.set_sinks(sink, default_blueprint=blueprint(self._rig, following=True))
         wait_until_served(port)
-        self._draw_surroundings()
+        self.draw_surroundings()
         return str(sink.uri)
 
     def join(self, address: str) -> None:
         """Show this run too on the server of another screen, which stays open as long as this one."""
         self._stream.connect_grpc(address, default_blueprint=blueprint(self._rig, following=True))
-        self._draw_surroundings()
+        self.draw_surroundings()
 
-    def save(self, path: Path) -> None:
-        """Write to a file instead, for a viewer that opens it later at its beginning."""
-        self._stream.save(path, default_blueprint=blueprint(self._rig, following=False))
-        self._draw_surroundings()
+    def save(self, path: Path, others: Sequence[Look] = ()) -> None:
+        """Write to a file instead, for a viewer that opens it later at its beginning.
+
+        Args:
+            path: of the file.
+            others: looks of the runs that will be drawn into the picture too.
+        """
+        self._stream.save(path, default_blueprint=blueprint(self._rig, following=False, others=others))
+        self.draw_surroundings()
 
     def name(self, text: str) -> None:
         """Give the recording the name that the viewer lists."""
@@ -131,31 +127,37 @@ class Screen:
     def headline(self, time: float, text: str) -> None:
         """Show a line of Markdown above the views."""
         self._stream.set_time(TIMELINE, duration=time)
-        self._stream.log("headline", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+        self._stream.log(self._look.path("headline"), rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
 
     def regime(self, time: float, regime: str) -> None:
         """Show what the rotor does from now on."""
         self._stream.set_time(TIMELINE, duration=time)
-        self._stream.log("regime", rr.StateChange(state=regime))
+        self._stream.log(self._look.path("regime"), rr.StateChange(state=regime))
 
     def event(self, time: float, source: str, severity: int, text: str) -> None:
         """Add a line to the event log."""
         self._stream.set_time(TIMELINE, duration=time)
-        line = rr.TextLog(f"{time:8.2f} s   {text}", level=LEVELS[min(severity, 2)])
-        self._stream.log(f"events/{source}", line)
+        line = rr.TextLog(f"{time:8.2f} s   {self._look.named(text)}", level=LEVELS[min(severity, 2)])
+        self._stream.log(self._look.path("events", source), line)
 
-    def _draw_surroundings(self) -> None:
-        """Draw what does not move: the bearing's edge and the axes."""
-        self._draw_axes(MICRO * view_radius(self._rig))
+    def draw_surroundings(self) -> None:
+        """Draw what does not move: the bearing's edge and, once, the axes."""
+        if self._look is RUN:
+            self._draw_axes(MICRO * view_radius(self._rig))
         self._stream.log(
-            "regime",
+            self._look.path("regime"),
             rr.StateConfiguration(values=list(REGIMES), labels=list(REGIMES), colors=list(REGIMES.values())),
             static=True,
         )
         if self._rig.model is not None:
             strips = [flipped(MICRO * strip) for strip in bearing_edge(self._rig.model)]
-            edge = rr.LineStrips2D(strips, colors=EDGE, radii=rr.Radius.ui_points(1.5), draw_order=10.0)
-            self._stream.log("orbit/bearing", edge, static=True)
+            edge = rr.LineStrips2D(
+                strips,
+                colors=self._look.edge,
+                radii=rr.Radius.ui_points(1.5),
+                draw_order=10.0 if self._look is RUN else 5.0,
+            )
+            self._stream.log(self._look.path("orbit", "bearing"), edge, static=True)
 
     def _draw_axes(self, reach: float) -> None:
         """Draw the axes through the bearing's centre with their marks in µm."""
@@ -175,9 +177,13 @@ class Screen:
             self._stream.log(f"orbit/axes/{axis}", points, static=True)
 
     def _draw_curve(self, name: str, curve: Curve) -> None:
+        names, colours = self._lines(name, curve.values.shape[1])
+        if not names:
+            return
+        view, _, rest = name.partition("/")
+        path = self._look.path(f"plots/{view}", rest)
         if name not in self._named:
             self._named.add(name)
-            names, colours = self._lines(name, curve.values.shape[1])
             width = 1.0 if name.endswith("/twin") else 1.6
             style = rr.SeriesLines(
                 names=names,
@@ -185,36 +191,47 @@ class Screen:
                 widths=[width] * len(names),
                 aggregation_policy=rr.components.AggregationPolicy.MinMax,  # a peak shows at any zoom
             )
-            self._stream.log(f"plots/{name}", style, static=True)
+            self._stream.log(path, style, static=True)
         times = rr.TimeColumn(TIMELINE, duration=curve.times)
-        self._stream.send_columns(f"plots/{name}", [times], rr.Scalars.columns(scalars=curve.values))
+        self._stream.send_columns(path, [times], rr.Scalars.columns(scalars=curve.values))
 
     def _lines(self, name: str, count: int) -> tuple[Sequence[str], Sequence[Colour]]:
-        """Return names and colours of a plot's lines; the first ones are left out where there are fewer."""
-        if name in LINES:
-            names, colours = LINES[name]
-            return names[-count:], colours[-count:]
+        """Return names and colours of a plot's lines, none where this look leaves the plot out.
+
+        The first ones are left out where there are fewer.
+        """
+        if name in self._look.lines:
+            names, colours = self._look.lines[name]
+            return [self._look.named(each) for each in names[-count:]], colours[-count:]
+        if self._look is not RUN:
+            return (), ()
         residuals = self._scene.residual_names[name.removeprefix("residual/")]
         return residuals, [RESIDUALS[number % len(RESIDUALS)] for number in range(count)]
 
     def _draw_orbit(self, name: str, orbit: Orbit) -> None:
         """Draw the path, a large dot for each passing of the encoder's zero, a small one for now."""
-        colour, width, size, order = ORBITS[name]
+        if name not in self._look.orbits:
+            return
+        colour, width, size, order = self._look.orbits[name]
         strips, colours = faded(flipped(orbit.path), colour)
         path = rr.LineStrips2D(strips, colors=colours, radii=rr.Radius.ui_points(width), draw_order=order)
-        self._stream.log(f"orbit/{name}", path)
+        self._stream.log(self._look.path("orbit", name), path)
         dots = flipped(np.vstack((orbit.marks, orbit.path[-1:])))
         sizes = rr.Radius.ui_points([size] * len(orbit.marks) + [0.5 * size])
         points = rr.Points2D(dots, radii=sizes, colors=colour, draw_order=order + 1.0)
-        self._stream.log(f"orbit/{name}/keyphasor", points)
+        self._stream.log(self._look.path("orbit", f"{name}/keyphasor"), points)
 
     def _draw_contact(self, contact: Contact | None) -> None:
         origins = np.empty((0, 2)) if contact is None else flipped(contact.position[np.newaxis])
         vectors = np.empty((0, 2)) if contact is None else flipped(ARROW * contact.force[np.newaxis])
         arrow = rr.Arrows2D(
-            origins=origins, vectors=vectors, colors=CONTACT, radii=rr.Radius.ui_points(1.5), draw_order=50.0
+            origins=origins,
+            vectors=vectors,
+            colors=self._look.contact,
+            radii=rr.Radius.ui_points(1.5),
+            draw_order=50.0,
         )
-        self._stream.log("orbit/contact_force", arrow)
+        self._stream.log(self._look.path("orbit", "contact_force"), arrow)
 
 
 def flipped(points: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -233,27 +250,37 @@ def faded(
     return strips, [tuple((dark + share * (light - dark)).astype(int)) for share in shares]
 
 
-def blueprint(rig: Rig, *, following: bool) -> rrb.Blueprint:
-    """Return the arrangement of the views; `following` keeps to the newest data with a sliding window."""
+def blueprint(rig: Rig, *, following: bool, others: Sequence[Look] = ()) -> rrb.Blueprint:
+    """Return the arrangement of the views; `following` keeps to the newest data with a sliding window.
+
+    Each of the other looks that are drawn into the picture gets a headline of its own.
+    """
     modelled = rig.twin.model != "none"
     left: list[tuple[rrb.View, float]] = [(orbit_view(rig), 7.0)]
     if modelled:
-        left.append((regime_view(following), 1.6))
+        left.append((regime_view(following), 1.6 + 1.2 * len(others)))
     left.append((event_view(), 2.4))
     state: Literal["following", "playing"] = "following" if following else "playing"
     return rrb.Blueprint(
         rrb.Vertical(
-            rrb.TextDocumentView(origin="headline", name="Rig", titlebar=False),
+            *(headline_view(look) for look in (RUN, *others)),
             rrb.Horizontal(
                 rrb.Vertical(*(view for view, _ in left), row_shares=[share for _, share in left]),
                 plot_views(modelled, following),
                 column_shares=[4, 5],
             ),
-            row_shares=[1, 12.5],
+            row_shares=[*[1] * (1 + len(others)), 12.5],
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state=state),
+    )
+
+
+def headline_view(look: Look) -> rrb.TextDocumentView:
+    """Return the view of one run's headline."""
+    return rrb.TextDocumentView(
+        origin=look.path("headline"), contents="$origin", name=look.label or "Rig", titlebar=False
     )
 
 

@@ -22,7 +22,7 @@ from daq.messages_pb2 import Description, Status
 from daq.parent import follow_parent
 from daq.ports import as_it_runs
 from daq.rig import Rig, load_rig
-from twin.display import Screen
+from twin.display import Screen, canvas
 from twin.display_address import Address, Announcement
 from twin.display_data import Scene
 from twin.show import Show
@@ -107,7 +107,7 @@ class Service:
         """Show another run, or one anew, from now on; the first one has its screen already."""
         if self._run:
             self._scene = Scene(self._rig)
-            self._screen = Screen(self._rig, self._scene, str(uuid4()))
+            self._screen = Screen(self._rig, self._scene, canvas(str(uuid4())))
             self._screen.join(self._address)
             self._show = Show(self._rig, self._scene, self._screen, self._mode)
         self._run = run
@@ -153,7 +153,7 @@ def show(rig: Rig, view: str, mode: str, grpc_port: int, web_port: int, stop: Fl
     )
     with ExitStack() as stack:
         scene = Scene(rig)
-        screen = Screen(rig, scene, str(uuid4()))
+        screen = Screen(rig, scene, canvas(str(uuid4())))
         data = screen.serve(grpc_port)
         stack.callback(screen.close)
         page = stack.enter_context(Page(web_port, [data])) if view == "web" else None

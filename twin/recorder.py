@@ -71,6 +71,7 @@ class Recorder:
         self.closed: list[Certificate] = []
         """Accounts of the parts that were closed."""
         self._rotation = rotation or Rotation()
+        self._stays = ""  # why it goes on in a part that is full
         self._rig, self._link = rig, link
         self._whole = path
         self._part, self._after = part, after
@@ -141,18 +142,25 @@ class Recorder:
         self._rotate_if_due(self.writer)
 
     def _rotate_if_due(self, writer: RecordingWriter | None) -> None:
-        """Close the part that is full and go on in the next one, from the sample behind its last."""
+        """Close the part that is full and go on in the next one, from the sample behind its last.
+
+        Where the next one cannot be made, all the rest goes into this one.
+        """
         if writer is None or writer.ledger.end_sample is not None or writer.failure is not None:
             return
         if not self._rotation.is_due(self._seconds(writer), writer.size):
             return
-        self._part += 1
         end = writer.ledger.end_of("Block")
         following = Description()
         following.CopyFrom(writer.description)
         following.first_sample = end
-        path = part_path(self._whole, self._part)
-        self.writer = RecordingWriter(path, following, part=self._part)
+        path = part_path(self._whole, self._part + 1)
+        try:
+            self.writer = RecordingWriter(path, following, part=self._part + 1)
+        except RecordingError as error:
+            self._rotation, self._stays = Rotation(), f"no next part: {error}; going on in {writer.path.name}"
+            return
+        self._part += 1
         self.writer.ledger.leave_out(*writer.ledger.held())
         self.closed.append(writer.close(expected=end, clean=False, continued=True))
 
@@ -164,7 +172,7 @@ class Recorder:
         seconds = self._seconds(writer) if writer else 0.0
         left = writer.space * seconds / writer.size if writer else 0.0
         if writer is None or seconds < 1.0 or left > SHORT:
-            return ""
+            return self._stays
         return f"the disk is nearly full: {writer.space / 1e6:.0f} MB are left, for about {left:.0f} s"
 
     def _seconds(self, writer: RecordingWriter) -> float:

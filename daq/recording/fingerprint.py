@@ -9,7 +9,17 @@ from importlib.metadata import PackageNotFoundError, version
 import numpy as np
 
 PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "protobuf")
-TARGET = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")  # variables that name another processor to compile for
+COMPILER = (
+    "NUMBA_CPU_NAME",
+    "NUMBA_CPU_FEATURES",
+    "NUMBA_ENABLE_AVX",
+    "NUMBA_OPT",
+    "NUMBA_LOOP_VECTORIZE",
+    "NUMBA_SLP_VECTORIZE",
+    "NUMBA_DISABLE_INTEL_SVML",
+    "NUMBA_DISABLE_JIT",
+)
+"""Variables that make other machine code of the kernels than this processor's own."""
 
 
 def numeric_fingerprint() -> dict[str, str]:
@@ -25,7 +35,7 @@ def numeric_fingerprint() -> dict[str, str]:
         "machine": platform.machine(),
         "libc": " ".join(platform.libc_ver()),
         "features": features,
-        "target": " ".join(os.environ.get(name, "") for name in TARGET).strip() or "host",
+        "target": " ".join(f"{name}={os.environ[name]}" for name in COMPILER if name in os.environ) or "host",
         "functions": _functions(),
     }
 

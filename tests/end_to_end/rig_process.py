@@ -2,22 +2,27 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+
+from tests.conftest import require
 
 PATIENT = ("--set", "command.lease=10")
 """For runs that are not about the lease: two busy cores may hold an operator up for longer than 0.1 s."""
 PATIENCE = 120.0  # s: bound on every wait; generous, as two busy cores also compile kernels
 
 
-def rigtwin(*arguments: object, cwd: Path, timeout: float = PATIENCE) -> subprocess.CompletedProcess[str]:
-    """Run one command to its end."""
+def rigtwin(
+    *arguments: object, cwd: Path, timeout: float = PATIENCE, through: Sequence[str] = ()
+) -> subprocess.CompletedProcess[str]:
+    """Run one command to its end, `through` another program that starts it."""
     return subprocess.run(
-        [sys.executable, "-P", "-m", "rigtwin", *map(str, arguments)],
+        [*through, sys.executable, "-P", "-m", "rigtwin", *map(str, arguments)],
         cwd=cwd,
         capture_output=True,
         text=True,
@@ -33,13 +38,16 @@ def info(path: Path) -> dict:
 
 
 class Running:
-    """`rigtwin live` (or replay) in the background; killed with its children when the test is over."""
+    """`rigtwin live` (or replay) in the background; killed with its children when the test is over.
 
-    def __init__(self, *arguments: object, cwd: Path) -> None:
+    `through` is another program that starts it in its own place.
+    """
+
+    def __init__(self, *arguments: object, cwd: Path, through: Sequence[str] = ()) -> None:
         self.output = cwd / f"{arguments[0]}.out"
         with self.output.open("wb") as output:
             self.process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "rigtwin", *map(str, arguments)],
+                [*through, sys.executable, "-P", "-m", "rigtwin", *map(str, arguments)],
                 cwd=cwd,
                 stdout=output,
                 stderr=subprocess.STDOUT,
@@ -106,6 +114,17 @@ NAMES = {
     ("twin", "display"): "display",
     ("replay", "play"): "player",
 }
+
+
+def obeying_permissions() -> list[str]:
+    """What to start a program through so that it may write only where its user is permitted to.
+
+    Root loses its right to write everywhere; it stays root, in whose folder Python may be.
+    """
+    if os.geteuid() != 0:
+        return []
+    require(shutil.which("setpriv") is not None, "setpriv, to give up root's right to write everywhere")
+    return ["setpriv", "--bounding-set=-dac_override,-dac_read_search"]
 
 
 def wait_until(condition: Callable[[], bool], what: str, seconds: float = PATIENCE) -> None:

@@ -4,7 +4,7 @@ import socket
 
 import pytest
 
-from tests.end_to_end.rig_process import rigtwin
+from tests.end_to_end.rig_process import obeying_permissions, rigtwin
 
 MISSPELT = '[rig]\nbase = "thesis-ball"\n[rotor]\nmas = 1.3\n'
 TEXT_FOR_NUMBER = '[rig]\nbase = "thesis-ball"\n[rotor]\nmass = "heavy"\n'
@@ -70,3 +70,14 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path):
     assert result.returncode == 2
     assert "/proc: no file can be made there" in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_a_folder_without_permission_is_named(tmp_path):
+    folder = tmp_path / "closed"
+    folder.mkdir(mode=0o500)
+    path = folder / "run.mcap"
+    result = rigtwin("live", "--record", path, cwd=tmp_path, through=obeying_permissions())
+    assert result.returncode == 2
+    assert f"{folder}: no permission to write there: change it or record elsewhere" in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert not list(folder.iterdir())

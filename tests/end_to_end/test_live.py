@@ -7,10 +7,20 @@ import pytest
 
 from analysis.impacts import compare_impacts, find_impacts
 from daq.recording import Recording, RecordingError
+from daq.recording.recorded_run import RecordedRun
 from replay.resimulation import resimulate
 from replay.verify import IDENTICAL, verify
 from tests.daq.disk import small_disk
-from tests.end_to_end.rig_process import PATIENT, Running, gone, info, rigtwin, wait_until, with_pid
+from tests.end_to_end.rig_process import (
+    PATIENT,
+    Running,
+    gone,
+    info,
+    obeying_permissions,
+    rigtwin,
+    wait_until,
+    with_pid,
+)
 
 LOUD = 5.0  # N: impacts above this must be found
 
@@ -140,6 +150,29 @@ def test_a_disk_that_fills_up_ends_the_recording_but_not_the_run(tmp_path):
         assert found["certificate"]["closed"]
         assert found["gaps"] == []
         assert found["samples"] > 25_000
+
+
+def test_a_folder_that_becomes_unwritable_is_said_and_costs_no_sample(tmp_path):
+    """The open part goes on where no next one can be made; so it is at last after a killed recorder."""
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    path, second = folder / "run.mcap", folder / "run.part2.mcap"
+    denied = f"{folder}: no permission to write there: change it or record elsewhere"
+    options = ("--plan", "none", "--view", "none", "--rotate", "2s", *PATIENT)
+    with Running("live", *options, "--record", path, cwd=tmp_path, through=obeying_permissions()) as run:
+        run.wait_until(lambda: recorded(path) > 0, "the first samples")
+        folder.chmod(0o500)
+        run.wait_for(f"warning: recorder: no next part: {denied}; going on in run.mcap")
+        run.wait_until(lambda: recorded(path) > 75_000, "more than the part was to hold")
+        with_pid(run.child("recorder"), signal.SIGKILL)
+        run.wait_for(f"recorder: {denied}; starting it again")
+        folder.chmod(0o700)
+        run.wait_until(lambda: recorded(second) > 0, "the next part")
+        assert run.interrupt() == 0, run.said()
+    with RecordedRun(path) as recording:
+        account = recording.check().certificate
+        assert recording.files[0].series("block", ["motor_speed"]).samples.shape[1] > 75_000
+    assert (account.first_sample, account.lost, account.clean) == (0, 0, True)
 
 
 def test_stopped_recorder_loses_nothing(tmp_path):

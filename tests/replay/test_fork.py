@@ -9,6 +9,7 @@ import pytest
 from daq.commanding.plan import plan_from_text
 from daq.recording import Recording
 from daq.rig import load_rig, rig_from_text
+from recordings.reference import REFERENCES
 from replay.fork import ForkError, fork
 from rigtwin.cli import main
 from rigtwin.simulate_command import simulate
@@ -37,6 +38,7 @@ duration = 0.01
 do = "wait"
 duration = 0.5
 """
+LOUD = 0.5  # N from which on there is contact
 TRUE = (9e-5, 1.2)  # kg m and rad: the unbalance that the rig has and its description does not tell
 NEAR = (
     4e-5  # rad of tilt, 12 µm at the probes: the error of an estimate 0.3 s old, which the free shaft keeps
@@ -77,6 +79,51 @@ def test_without_a_change_it_follows_the_truth(recorded, tmp_path, at):
         assert off < NEAR < 0.05 * moved
     assert np.abs(would["angle"][:length] - was["angle"][:length]).max() < 0.03  # rad
     assert np.abs(would["speed"][:length] - was["speed"][:length]).max() < 0.2  # rad/s
+
+
+IN_CONTACT = [
+    ("ball", 0.65),
+    ("ball", 0.80),
+    ("pinned", 0.37),
+    ("pinned", 0.43),
+    ("plain", 0.50),
+    ("plain", 0.66),
+]
+TOUCHING = {  # the twin's error in the middle of an impact
+    "tilt_x": 5e-6,  # rad, 1.5 µm at the probes
+    "tilt_y": 5e-6,
+    "tilt_rate_x": 5e-3,  # rad/s, 1 % of what an impact turns round
+    "tilt_rate_y": 5e-3,
+    "house_x": 1e-8,  # m
+    "house_y": 1e-8,
+    "ring_speed": 1.0,  # rad/s, of 60
+    "angle": 1e-3,  # rad
+    "speed": 0.2,  # rad/s
+}
+
+
+@pytest.mark.parametrize(("name", "at"), IN_CONTACT)
+def test_from_within_an_impact_it_follows_the_truth_to_the_third_next_one(tmp_path, name, at):
+    """Each impact multiplies what two ways differ by: the longer, the wider the bounds."""
+    (source,) = [each.path for each in REFERENCES if each.name == name]
+    first = fork(source, tmp_path / "fork.mcap", at, seconds=0.3).first_sample
+    would, was = truth(tmp_path / "fork.mcap", first), truth(source, first)
+    assert was["normal_force"][0] > LOUD, "the rotor does not touch there"
+    for row, bound in TOUCHING.items():
+        assert abs(would[row][0] - was[row][0]) < bound, row
+    followed = zip(impacts(would["normal_force"]), impacts(was["normal_force"]), strict=False)
+    pairs = list(followed)[:4]
+    assert len(pairs) == 4
+    for number, ((begin, peak), (true_begin, true_peak)) in enumerate(pairs):
+        assert abs(begin - true_begin) <= number  # columns of 0.2 ms
+        assert peak == pytest.approx(true_peak, rel=0.05 if number < 3 else 0.15)
+
+
+def impacts(force: np.ndarray) -> list[tuple[int, float]]:
+    """Column at which each contact begins, and its largest force; one that is under way begins at 0."""
+    steps = np.diff(np.concatenate(([0], force > LOUD, [0])).astype(int))
+    spans = zip(np.flatnonzero(steps > 0), np.flatnonzero(steps < 0), strict=True)
+    return [(int(begin), float(force[begin:end].max())) for begin, end in spans]
 
 
 def test_it_is_a_recording_like_any_other_and_says_where_it_comes_from(recorded, tmp_path):

@@ -77,8 +77,7 @@ def test_finds_the_page_of_the_running_rig(tmp_path):
     [
         ([], "no rig is running"),
         (["none.mcap"], "none.mcap: no such file"),
-        (["--save", "out.rrd"], "--save writes one recording"),
-        (["a.mcap", "b.mcap", "--save", "out.rrd"], "and 2 were named"),
+        (["--save", "out.rrd"], "--save writes what a recording shows, and none was named"),
     ],
 )
 def test_says_in_one_line_what_is_wrong(arguments, words):

@@ -76,19 +76,25 @@ def twin_samples(rig: Rig, first: int, count: int) -> np.ndarray:
     return samples
 
 
-def messages(rig: Rig, run: str, seconds: float) -> Iterator[tuple[str, bytes]]:
-    """All that the display listens to, as (key, payload) in the order of a live run."""
+def messages(
+    rig: Rig, run: str, seconds: float, begin: float = 0.0, ahead: float = 0.0
+) -> Iterator[tuple[str, bytes]]:
+    """All that the display listens to, as (key, payload) in the order of a live run.
+
+    From `begin` to `seconds` of the run; the shaft is where it would be `ahead` s later.
+    """
     rate, size, name = rig.acquisition.rate, rig.acquisition.block, rig.name
     blocks = SeriesEncoder(run, rate, rig.channels.names, rig.channels.units)
     estimates = SeriesEncoder(run, rate, TWIN_NAMES, TWIN_UNITS, stride=STRIDE)
-    yield event(rig, run, 0, "start", "the run has started")
-    for first in range(0, int(seconds * rate) // size * size, size):
-        yield keys.block(name), blocks.encode(first / rate, first, 0, block_samples(rig, first, size))
-        yield keys.estimate(name), estimates.encode(first / rate, first, 0, twin_samples(rig, first, size))
+    lead = round(ahead * rate)
+    yield event(rig, run, int(begin * rate), "start", "the run has started")
+    for first in range(int(begin * rate) // size * size, int(seconds * rate) // size * size, size):
+        at = first + lead
+        yield keys.block(name), blocks.encode(first / rate, first, 0, block_samples(rig, at, size))
+        yield keys.estimate(name), estimates.encode(first / rate, first, 0, twin_samples(rig, at, size))
         if first % (10 * size) == 0:
-            regime = (
-                "contact-free 1X" if motion(np.array([first / rate])).force[0] == 0.0 else "permanent contact"
-            )
+            is_free = motion(np.array([at / rate])).force[0] == 0.0
+            regime = "contact-free 1X" if is_free else "permanent contact"
             summary = TwinSummary(run=run, first_sample=first, regime=regime, valid=True)
             yield keys.twin_summary(name), summary.SerializeToString()
             status = Status(run=run, sample=first, process="daq", state="armed")

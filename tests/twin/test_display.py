@@ -27,8 +27,8 @@ from tests.twin.display_process import (
     wait_until,
 )
 from tests.twin.drawn_run import description, event, messages
-from twin.display import CONTACT, EDGE, MEASURED, TWIN
 from twin.display_address import NotShown, find
+from twin.display_look import CONTACT, EDGE, MEASURED, TWIN
 from twin.display_recording import save_recording
 from twin.viewer import ViewerError, refuse_taken
 
@@ -56,7 +56,7 @@ def record(path: Path, rig: Rig, seconds: float) -> Path:
 @pytest.mark.needs_viewer
 def test_recording_opens_in_the_viewer_with_all_views_and_no_complaint(tmp_path):
     drawn = tmp_path / "run.rrd"
-    save_recording(record(tmp_path / "run.mcap", load_rig("thesis-ball"), 5.0), drawn)
+    save_recording([record(tmp_path / "run.mcap", load_rig("thesis-ball"), 5.0)], drawn)
     with headless_viewer(str(drawn)) as (client, _):
         wait_until(lambda: newest_time(client) > 4.9, "the whole recording")
         client.set_time(timeline="time", duration=4.9, play_state="paused")
@@ -75,7 +75,7 @@ def test_rig_without_model_shows_its_measurement(tmp_path):
     path = tmp_path / "plain.toml"
     path.write_text(toml, encoding="utf-8")
     drawn = tmp_path / "run.rrd"
-    save_recording(record(tmp_path / "run.mcap", load_rig(path), 1.0), drawn)
+    save_recording([record(tmp_path / "run.mcap", load_rig(path), 1.0)], drawn)
     with headless_viewer(str(drawn)) as (client, _):
         wait_until(lambda: newest_time(client) > 0.9, "the whole recording")
         measured = {name for name in VIEWS if not name.startswith("Res")} - {"Regime"}
@@ -239,8 +239,8 @@ def test_free_port_is_not_refused():
 
 def test_missing_recording_and_existing_target_are_refused(tmp_path):
     with pytest.raises(RecordingError):
-        save_recording(tmp_path / "none.mcap", tmp_path / "out.rrd")
+        save_recording([tmp_path / "none.mcap"], tmp_path / "out.rrd")
     target = tmp_path / "there.rrd"
     target.touch()
     with pytest.raises(RecordingError, match="exists already"):
-        save_recording(record(tmp_path / "run.mcap", load_rig("thesis-ball"), 0.1), target)
+        save_recording([record(tmp_path / "run.mcap", load_rig("thesis-ball"), 0.1)], target)
