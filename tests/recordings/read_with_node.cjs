@@ -19,6 +19,10 @@ async function main(path) {
     const root = protobuf.Root.fromDescriptor(FileDescriptorSet.decode(schema.data));
     types.set(schema.id, root.lookupType(schema.name));
   }
+  const numbers = {};
+  for (const { topic, schemaId } of reader.channelsById.values()) {
+    numbers[topic] = types.get(schemaId).fieldsArray.filter(isNumber).map(({ name }) => name);
+  }
   const counts = {};
   const channels = {};
   const speeds = [];
@@ -36,7 +40,12 @@ async function main(path) {
     }
   }
   const notes = [...reader.metadataIndexes].map(({ name }) => name);
-  console.log(JSON.stringify({ counts, channels, speeds, notes }));
+  console.log(JSON.stringify({ counts, channels, speeds, notes, numbers }));
+}
+
+// Whether a plotting program offers a field without a plug-in: one plain number in each message.
+function isNumber({ repeated, map, type }) {
+  return !repeated && !map && Object.hasOwn(protobuf.types.basic, type) && !["string", "bytes"].includes(type);
 }
 
 main(process.argv[2]).catch((error) => {

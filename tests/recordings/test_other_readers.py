@@ -22,6 +22,13 @@ SCRIPT = Path(__file__).with_name("read_with_node.cjs")
 PACKAGES = ("@mcap/core", "@mcap/nodejs", "fzstd", "protobufjs")
 
 
+PLOTTED = {  # what the how-to promises that programs for MCAP files plot without a plug-in
+    "daq/summary": {"speed_hz", "radius_maximum", "force_maximum"},
+    "daq/summary/force_top": {"mean", "rms", "minimum", "maximum"},
+    "twin/summary": {"amplitude_1x", "orbit_maximum", "contact_force_maximum", "impacts", "residual_rms"},
+}
+
+
 def has_packages() -> bool:
     node = shutil.which("node")
     found = f"for (const each of {json.dumps(PACKAGES)}) require(each)"
@@ -45,6 +52,9 @@ def test_javascript_reads_the_same_numbers(path):
         assert found["channels"][name] == {"unit": unit, "count": len(signals[name]), "last": last}
     assert found["speeds"] == speeds
     assert {"description", "versions", "certificate"} <= set(found["notes"])
+    for topic in found["counts"]:
+        assert PLOTTED.get(topic.removeprefix(f"rig/{RIG}/"), set()) <= set(found["numbers"][topic])
+    assert f"rig/{RIG}/daq/summary" in found["counts"]
 
 
 def test_rust_reads_the_same_numbers():
