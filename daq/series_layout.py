@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from daq.messages import Series, SeriesEncoder
+from daq.messages import DOUBLE, Series, SeriesEncoder, decode_series
 
 TIMESTAMP, RUN, SAMPLE, STATUS = 0x09, 0x12, 0x18, 0x28  # tags of fields
 AFTER_TIMESTAMP = 9
@@ -65,6 +65,32 @@ class Layout:
             return None
         samples = b"".join([body[part] for part in self._samples])
         return Variable(first_sample, status, self._shape, self._labels, samples)
+
+
+class SeriesDecoder:
+    """Decodes messages of one topic: what is laid out like the message before at a fifth of the cost."""
+
+    def __init__(self) -> None:
+        self._like: tuple[Series, Layout] | None = None
+
+    def decode(self, payload: bytes) -> Series:
+        """Return the same as `daq.messages.decode_series`.
+
+        Raises:
+            MessageError: the bytes are cut off, are no such message, or its channels differ in length.
+        """
+        if self._like is not None:
+            series, layout = self._like
+            found = layout.read(payload)
+            if found is not None:
+                (timestamp,) = DOUBLE.unpack_from(payload, 1)
+                samples = np.frombuffer(bytearray(found.samples), "<f4").reshape(found.shape)
+                return series._replace(
+                    timestamp=timestamp, first_sample=found.first_sample, status=found.status, samples=samples
+                )
+        series = decode_series(payload)
+        self._like = series, Layout(series)
+        return series
 
 
 class HeaderLayout:

@@ -6,12 +6,13 @@ from heapq import heappop, heappush
 from pathlib import Path
 
 from daq import keys
-from daq.messages import Series, decode_series
+from daq.messages import Series
 from daq.messages_pb2 import Event
 from daq.recording import Check, Message, Recording, RecordingError, parts, series_end
 from daq.recording.certificate import Coverage
 from daq.recording.reader import SERIES_KEYS
 from daq.recording.recorded_run import RecordedRun
+from daq.series_layout import SeriesDecoder
 
 NOT_RECEIVED = "not received"
 
@@ -87,15 +88,16 @@ class RepeatableRun(RecordedRun):
 
     def decoded(self, key: str) -> Iterator[Series]:
         """Yield the messages of block, estimate or truth, in the order of the files."""
+        decoder = SeriesDecoder()
         for message in self.messages(SERIES_KEYS[key](self.description.rig)):
-            yield decode_series(message.payload)
+            yield decoder.decode(message.payload)
 
     def in_order(self, messages: Iterable[Message]) -> Iterator[Message]:
         """Yield blocks by their sample index, although one may have come late; after `check_files`."""
         holes = dict(self.blocks.gaps(0, self.blocks.end))
-        expected, held = 0, list[tuple[int, int, Message]]()
+        expected, held, decoder = 0, list[tuple[int, int, Message]](), SeriesDecoder()
         for message in messages:
-            series = decode_series(message.payload)
+            series = decoder.decode(message.payload)
             heappush(held, (series.first_sample, series_end(series), message))
             while held and held[0][0] <= holes.get(expected, expected - 1) + 1:
                 _first, end, following = heappop(held)

@@ -13,6 +13,7 @@ from daq.recording import Recording, RecordingError, Signals, parts, series_end
 from daq.recording.certificate import SERIES
 from daq.recording.reader import SERIES_KEYS
 from daq.recording.signals import joined
+from daq.series_layout import SeriesDecoder
 
 WINDOW = 1 << 17  # samples of the index that a piece holds at most: 5 s at 25 kHz; no message holds more
 Progress = Callable[[int], object]
@@ -93,10 +94,11 @@ class Stretch:
 
     def _windows(self) -> Iterator[list[Series]]:
         """Yield the messages of one window after the other, by their first sample."""
+        decoder = SeriesDecoder()
         for begin in range(max(0, self.first - WINDOW), self.end, WINDOW):
             last = min(begin + WINDOW, self.end) - 1
             messages = (file.messages_between(self._topic, first=begin, last=last) for file in self.files)
-            window = [decode_series(message.payload) for message in chain.from_iterable(messages)]
+            window = [decoder.decode(message.payload) for message in chain.from_iterable(messages)]
             found = [series for series in window if series_end(series) > self.first]
             if found:
                 yield sorted(found, key=lambda series: series.first_sample)

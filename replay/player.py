@@ -20,6 +20,7 @@ from daq.messages import decode_series
 from daq.messages_pb2 import Answer, Description, Event, Status
 from daq.recording import Message, series_end
 from daq.recording.recorded_run import RecordedRun
+from daq.series_layout import SeriesDecoder
 from daq.timing import NS
 from replay.transport import Transport
 
@@ -64,6 +65,7 @@ class Player:
         self._block, self._event = keys.block(rig), keys.event(rig, "daq")
         self._recorded_twin = recorded_twin
         self._publishers: dict[str, Publisher] = {}
+        self._blocks = SeriesDecoder()
         self._status = link.publish(keys.status(rig, PROCESS))
         self._presence = Presence(rig, link)
         self._orders = Orders()
@@ -194,7 +196,7 @@ class Player:
             self._publishers[key] = self._link.publish(key, wait=True)
         self._publishers[key].put(payload)
         if key == self._block:
-            series = decode_series(payload)
+            series = self._blocks.decode(payload)
             self._sample = series_end(series)
             self._played += series.samples.shape[1]
         elif key == self._event:

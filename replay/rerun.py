@@ -10,10 +10,11 @@ from pathlib import Path
 
 from daq import keys
 from daq.describe import versions
-from daq.messages import Series, decode_series
+from daq.messages import Series
 from daq.recording import Message, RecordingError, RecordingWriter
 from daq.recording.certificate import Certificate
 from daq.rig import Rig, rig_from_text
+from daq.series_layout import SeriesDecoder
 from replay.history import NOT_RECEIVED, History, RepeatableRun
 from twin.estimation import SOURCE, Twin
 
@@ -53,11 +54,12 @@ class Repetition:
         self._run, self._history, self._progress = run, history, progress
         self._rig = rig_of(run)
         self._twins: dict[int, Twin] = {}
+        self._blocks, self._estimates = SeriesDecoder(), SeriesDecoder()
 
     def blocks(self) -> Iterator[tuple[int, dict[int, Series]]]:
         """Yield the first sample of each block, and each process' estimate over it by the process' number."""
         for message in self._run.in_order(self._run.messages(keys.block(self._rig.name))):
-            block = decode_series(message.payload)
+            block = self._blocks.decode(message.payload)
             sample = block.first_sample
             if sample >= self._history.end:
                 return
@@ -77,7 +79,7 @@ class Repetition:
         if number not in self._twins:
             self._twins[number] = Twin(self._rig, description.run, description.t0_ns)
         made = dict(_process(self._twins[number], payload, cause))
-        return decode_series(made[keys.estimate(self._rig.name)])
+        return self._estimates.decode(made[keys.estimate(self._rig.name)])
 
 
 def estimate(source: str | Path, target: str | Path, progress: Progress = lambda sample: None) -> Certificate:

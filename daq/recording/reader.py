@@ -10,7 +10,7 @@ from daq import keys
 from daq.messages import Series, decode_series
 from daq.messages_pb2 import Description, Event
 from daq.recording.certificate import Certificate, Check, Ledger
-from daq.recording.record_index import Index, scanned_chunk, stored_index
+from daq.recording.record_index import Index, scanned_index, stored_index
 from daq.recording.records import (
     MAGIC,
     SEAL,
@@ -27,6 +27,7 @@ from daq.recording.records import (
 )
 from daq.recording.signals import Signals, joined, series_end
 from daq.recording.storage import RecordingError
+from daq.series_layout import SeriesDecoder
 from daq.timing import SampleClock
 
 RIG, CHANNELS = "rig.toml", "channels.csv"  # names of the attachments
@@ -174,8 +175,10 @@ class Recording:
         """Return the last sound message of each topic; only chunks that can hold one are unpacked."""
         missing = set(topics or self.topics())
         found: dict[str, Message] = {}
-        for chunk in reversed(self._index.chunks):
-            if missing and self._may_hold(chunk.channels, frozenset(missing)):
+        for chunk in self._index.from_the_end():
+            if not missing:
+                break
+            if self._may_hold(chunk.channels, frozenset(missing)):
                 newest = {message.key: message for message in self._of(self._unpacked(chunk.record))}
                 found |= {topic: newest[topic] for topic in missing & newest.keys()}
                 missing -= newest.keys()
@@ -217,18 +220,17 @@ class Recording:
             raise RecordingError(f"no series is named {key!r}: there are {', '.join(SERIES_KEYS)}")
         topic = SERIES_KEYS[key](self.description.rig)
         begin, end = self._stretch(first, last)
-        found: list[Series] = []
+        found, decoder = list[Series](), SeriesDecoder()
         earliest = 0  # log time before which no series is wanted
         self.damage = list(self._index.damage)
-        chunks = sorted(self._index.between(0, end), key=lambda chunk: chunk.last_ns, reverse=True)
-        for chunk in chunks:
+        for chunk in self._index.latest_first(end):
             if chunk.last_ns < earliest:
                 break
             if not self._may_hold(chunk.channels, frozenset((topic,))):
                 continue
             for message in self._of(self._unpacked(chunk.record)):
                 if message.key == topic and message.log_time <= end:
-                    series = decode_series(message.payload)
+                    series = decoder.decode(message.payload)
                     if series_end(series) > first:
                         found.append(series)
                     if message.log_time <= begin:
@@ -247,14 +249,14 @@ class Recording:
         """
         stored = self.certificate
         ledger, clock = Ledger(self.description.run, self.description.first_sample), self.clock
-        block = keys.block(self.description.rig)
+        block, decoder = keys.block(self.description.rig), SeriesDecoder()
         wrong_times = 0
         for message in self.messages():
             entry = ledger.admit(message.key, message.payload)
             if entry is not None:
                 wrong_times += message.log_time != clock.ns(entry.sample)
                 if on_block is not None and message.key == block:
-                    on_block(decode_series(message.payload))
+                    on_block(decoder.decode(message.payload))
         found = ledger.certificate(
             part=self.part,
             expected=stored.first_sample + stored.expected if stored else None,
@@ -291,8 +293,8 @@ class Recording:
         before, self.damage = self.damage, []
         index = stored_index(self._file)
         if index is None:
-            chunks = [record for record in self._records(heal=True) if record.kind == Op.CHUNK]
-            index = Index([scanned_chunk(self._file, chunk) for chunk in chunks])
+            chunks = (record for record in self._records(heal=True) if record.kind == Op.CHUNK)
+            index = scanned_index(self._file, chunks)
         else:
             self._topics |= index.topics
             for record in index.notes:

@@ -33,7 +33,7 @@ def bytes_read(monkeypatch):
 def cut_off(path: Path) -> Path:
     """The same recording without its end, as a crash leaves it."""
     with Recording(path) as recording:
-        end = max(chunk.end for chunk in recording._index.chunks)
+        end = max(chunk.end for chunk in recording._index.chunks())
     copy = path.with_name("cut.mcap")
     copy.write_bytes(path.read_bytes()[:end])
     return copy
@@ -124,7 +124,7 @@ def test_only_what_is_wanted_is_read(tmp_path, bytes_read):
 def test_a_damaged_chunk_is_a_gap_in_what_is_read(tmp_path):
     record(tmp_path / "run.mcap", blocks=60)
     with Recording(tmp_path / "run.mcap") as recording:
-        chunk = recording._index.chunks[2]
+        (chunk,) = recording._index.chunks([2])
         lost = [m for m in recording._of(recording._unpacked(chunk.record)) if m.key == keys.block(RIG)]
     content = bytearray((tmp_path / "run.mcap").read_bytes())
     content[(chunk.start + chunk.end) // 2] ^= 1

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from daq.messages import SeriesEncoder, decode_series, read_header
 from daq.messages_pb2 import Event, Status
-from daq.series_layout import HeaderLayout, Layout, variable
+from daq.series_layout import HeaderLayout, Layout, SeriesDecoder, variable
 
 RUNS = st.sampled_from(["run-1", "", "r", "ü" * 70])
 CHANNELS = st.lists(st.tuples(st.text(max_size=5), st.text(max_size=3)), max_size=4)
@@ -51,6 +51,18 @@ def test_messages_laid_out_otherwise_are_left_to_the_decoder(
     learned, other = make(columns, 1.0, first, status), make_other(others, 1.0, first, status)
     found = Layout(decode_series(learned)).read(other)
     assert found is None or equal(found, other)
+
+
+@given(encoders(), encoders(), st.lists(st.tuples(st.booleans(), st.integers(0, 3), VALUES)))
+def test_the_quick_decoder_says_what_the_decoder_says(make, make_other, messages):
+    decoder = SeriesDecoder()
+    for other, columns, values in messages:
+        payload = (make_other if other else make)(columns, *values)
+        found, expected = decoder.decode(payload), decode_series(payload)
+        assert found._replace(samples=None) == expected._replace(samples=None)
+        assert found.samples.tobytes() == expected.samples.tobytes()
+        assert found.samples.shape == expected.samples.shape
+        assert found.samples.flags.writeable
 
 
 @given(encoders(), st.integers(1, 5), st.integers(0, 400), INDICES)
