@@ -19,6 +19,7 @@ SCRIPTS = (
     "exports",
     "reading",
     "replay",
+    "rerun",
     "display",
     "simulator",
     "twin",

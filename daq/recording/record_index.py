@@ -27,7 +27,7 @@ CHUNK_INDEX = np.dtype(
         ("map_size", "<u4"),
     ]
 )
-"""A chunk index up to its map: its head, times of its first and last message, start and length of the chunk."""
+"""A chunk index up to its map: its head, times of first and last message, the chunk's start and length."""
 TABLE = np.dtype([(name, "u8") for name in ("first_ns", "last_ns", "start", "end", "map_start", "map_end")])
 
 
