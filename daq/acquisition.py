@@ -58,7 +58,7 @@ class Acquisition:
         self.ending = False  # nothing moves any more
         self.ended = False
         self._rest_sample: int | None = None  # at which the rest for the run's end takes effect
-        self.commands = Commands(rig, backend.capabilities.outputs)
+        self.commands = Commands(rig, backend.capabilities)
         self._answers = Answers()
         self._backend = backend
         self._envelope = Envelope(rig, backend)

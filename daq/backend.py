@@ -76,6 +76,8 @@ class Capabilities(NamedTuple):
     `hardware_timing`: `write` honours `at_sample`. `watchdog_s`: time after which the device brings the
     rig to rest by itself when its driver dies, None without one. `emulated`: no real rig is behind it.
     `paced`: samples come by the device's own clock; otherwise they are there whenever they are asked for.
+    `longest_pulse_s`: the longest pulse whose end the device times by itself, s; None where it times none.
+    A hit that the device would not end by itself is refused.
     """
 
     rates: tuple[float, float]
@@ -84,6 +86,17 @@ class Capabilities(NamedTuple):
     watchdog_s: float | None
     emulated: bool
     paced: bool
+    longest_pulse_s: float | None = None
+
+
+def no_pulse(capabilities: Capabilities, duration: float) -> str:
+    """Return why a device must not be told to make a pulse of `duration` s; nothing where it may be."""
+    longest = capabilities.longest_pulse_s
+    if longest is None:
+        return "the device does not end a hit by its own timing: hits are refused"
+    if not duration <= longest:
+        return f"the device ends a hit of at most {longest:g} s by its own timing, not one of {duration:g} s"
+    return ""
 
 
 @runtime_checkable
@@ -105,7 +118,7 @@ class Backend(Protocol):
        not yet taken, and returns that sample's index. With `at_sample` it happens exactly there;
        `PastSampleError` when that has passed.
        A `HitOutput` ends by the device's own timing, whatever the computer does meanwhile; a device that
-       cannot do that does not declare it, and hits are refused.
+       can do that says so in `longest_pulse_s`, and any longer hit is refused before it is written.
     7. A `RestOutput` overrides all that was written before it, scheduled outputs included.
     8. `stop()` and `close()` leave the outputs in the safe state and end sampling. `close()` gives the
        device back too; it may be called at any time, also twice, also without `open`.

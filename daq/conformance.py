@@ -11,7 +11,7 @@ A laboratory tests its own backend by subclassing in a pytest module::
             return MyDevice()
 
 Tests of outputs are skipped where the device declares none, or where the rig has no channel
-`motor_speed_command` on which an output shows.
+`motor_speed_command`, or `solenoid_current`, on which an output shows.
 """
 
 import threading
@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from daq.backend import Backend, BackendError, PastSampleError, RestOutput, SpeedOutput
+from daq.backend import Backend, BackendError, HitOutput, PastSampleError, RestOutput, SpeedOutput
 from daq.messages import BlockStatus
 from daq.rig import Rig
 
@@ -35,6 +35,9 @@ PAUSE = 0.2
 SPEED = 30.0
 RAMP = 300.0
 SHOWS_ON = "motor_speed_command"
+PULSE = 0.005
+"""s that a solenoid is on."""
+PULSE_SHOWS_ON = "solenoid_current"
 
 
 class BackendConformance(ABC):
@@ -173,6 +176,18 @@ class BackendConformance(ABC):
         assert np.ptp(commands[-100:]) == 0.0
         assert commands[-1] == commands[0]
 
+    def test_a_pulse_ends_by_itself(self, backend: Backend) -> None:
+        """A device that says that it times a pulse ends it, although nobody calls it meanwhile."""
+        row = self.pulse_row(backend)
+        solenoid = self.rig.solenoids[0]
+        count = round(PULSE * self.rig.acquisition.rate)
+        begin = backend.write(HitOutput(solenoid.name, solenoid.max_force, PULSE))
+        time.sleep(4.0 * PULSE)
+        current = self.collect(backend, begin + 4 * count)[row]
+        after = current[begin + 2 * count :]  # what a filter needs is over by then
+        rest = np.median(after)
+        assert np.abs(current[: begin + count] - rest).max() > 5.0 * np.abs(after - rest).max()
+
     def test_starts_again_at_zero_after_a_stop(self, backend: Backend) -> None:
         """A second `start` counts from 0 without a gap."""
         self.collect(backend, 500)
@@ -230,6 +245,16 @@ class BackendConformance(ABC):
         if SpeedOutput not in backend.capabilities.outputs or SHOWS_ON not in self.rig.channels:
             pytest.skip("no output to be seen")
         return self.rig.channels.index(SHOWS_ON)
+
+    def pulse_row(self, backend: Backend) -> int:
+        """Return the row on which the first solenoid's pulse shows, or skip the test."""
+        if HitOutput not in backend.capabilities.outputs or PULSE_SHOWS_ON not in self.rig.channels:
+            pytest.skip("no solenoid to be seen")
+        longest = backend.capabilities.longest_pulse_s
+        assert longest is not None, "it has HitOutput but no longest_pulse_s: all hits would be refused"
+        if longest < PULSE:
+            pytest.skip(f"the device times no pulse of {PULSE} s")
+        return self.rig.channels.index(PULSE_SHOWS_ON)
 
     def collect(self, backend: Backend, count: int) -> NDArray[np.float64]:
         """Read samples 0 to `count` - 1 of a run and return them; fail when any is missing."""

@@ -8,7 +8,7 @@ to rest always passes.
 from math import isfinite
 from typing import NamedTuple, Protocol
 
-from daq.backend import EnableOutput, HitOutput, Output, RestOutput, SpeedOutput
+from daq.backend import Capabilities, EnableOutput, HitOutput, Output, RestOutput, SpeedOutput
 from daq.rig import Rig
 
 HORIZON = 10.0
@@ -23,6 +23,10 @@ class EnvelopeError(ValueError):
 
 class Device(Protocol):
     """The part of a `daq.backend.Backend` that an output goes to."""
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What the device can do; asked for what it times by itself."""
 
     def write(self, output: Output, at_sample: int | None = None) -> int:
         """Perform or schedule an output and return the sample at which it takes effect."""
@@ -128,6 +132,9 @@ class Envelope:
             raise EnvelopeError(f"force {output.force:g} N is not within 0 to {solenoid.max_force:g} N")
         if not 0.0 < output.duration <= solenoid.max_duration:
             raise EnvelopeError(f"{output.duration:g} s is not above 0 to {solenoid.max_duration:g} s")
+        longest = self._device.capabilities.longest_pulse_s
+        if longest is None or not output.duration <= longest:
+            raise EnvelopeError(f"the device would not end a pulse of {output.duration:g} s by itself")
         window = round(DUTY_WINDOW * self._rate)
         self._pulses = [each for each in self._pulses if each.end > pulse.end - 2 * window]
         same = [each for each in self._pulses if each.solenoid == pulse.solenoid]

@@ -83,7 +83,7 @@ class Setup:
         device = self._connect(rig)
         try:
             run = Run(rig, device)
-            run.ask("arm")
+            run.ask("arm", plan=WHO)
             if ENCODER in rig.channels:
                 run.ask("speed", speed_hz=ROLL_HZ)
                 run.go(1.0 + ROLL_HZ / rig.command.default_ramp_hz_per_s)
@@ -92,7 +92,12 @@ class Setup:
                 run.go(2.0)
             for solenoid in rig.solenoids:
                 before = run.go(0.2)
-                run.ask("hit", solenoid.name, force=min(HIT_FORCE, solenoid.max_force), duration=HIT_DURATION)
+                run.ask(
+                    "hit",
+                    solenoid=solenoid.name,
+                    force=min(HIT_FORCE, solenoid.max_force),
+                    duration=HIT_DURATION,
+                )
                 self._answer(solenoid.name, before, run.go(HIT_WATCHED), rig)
                 run.go(2.0)
             run.ask("stop")
@@ -181,9 +186,10 @@ class Run:
         self._daq = Acquisition(rig, device, self._hear, run="setup")
         self._daq.begin()
 
-    def ask(self, name: str, solenoid: str = "", **values: float) -> None:
+    def ask(self, name: str, **given: float | str) -> None:
         """Send a command. Raises `RigError` when it is refused."""
-        texts = {"solenoid": solenoid} if solenoid else {}
+        texts = {key: value for key, value in given.items() if isinstance(value, str)}
+        values = {key: value for key, value in given.items() if not isinstance(value, str)}
         answer = self._daq.serve(Command(name=name, who=WHO, lease=self._lease, values=values, texts=texts))
         if not answer.accepted:
             raise RigError(f"{name} was refused: {answer.text}")

@@ -173,7 +173,8 @@ def greet(supervisor: "Supervisor", rig: "Rig", plan: "Plan | None", path: Path 
     mode = "EMULATED" if rig.emulated else "LIVE"
     supervisor.screen.line(f"{mode} {rig.name}: {rig.description}")
     if plan is None:
-        supervisor.screen.line("no plan: nothing moves until `rigtwin command arm`; Ctrl-C ends the run")
+        order = "command arm" if rig.emulated else "plan run PLAN"
+        supervisor.screen.line(f"no plan: nothing moves until `rigtwin {order}`; Ctrl-C ends the run")
     else:
         supervisor.screen.line(
             f"plan {plan.name}, about {plan.expected_duration(rig):.0f} s: {plan.description}"

@@ -100,7 +100,8 @@ def run_show(options: argparse.Namespace) -> int:
 
 def run_check(options: argparse.Namespace) -> int:
     """Check a plan, and perform it on the model; return 1 when it is refused or trips the limits."""
-    from daq.commanding.plan import PlanError, load_plan
+    from daq.backend import make_backend
+    from daq.commanding.plan import PlanError, check_device, load_plan
     from daq.rig.limits import NO_LIMIT
     from daq.rig.toml_source import find
 
@@ -108,6 +109,7 @@ def run_check(options: argparse.Namespace) -> int:
     find(options.plan, "plan")
     try:
         plan = load_plan(options.plan, rig)
+        check_device(plan, rig, make_backend(rig.acquisition.backend).capabilities)
     except PlanError as error:
         print(json.dumps({"valid": False, "error": str(error)}) if options.json else error)
         return 1

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from math import inf
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from time import monotonic
@@ -58,6 +59,7 @@ class EmulatedDevice:
             watchdog_s=DeviceSettings().watchdog_s,
             emulated=True,
             paced=True,
+            longest_pulse_s=inf,
         )
         self._process: subprocess.Popen[bytes] | None = None
         self._device: Connection | None = None

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from heapq import heappop, heappush
+from math import inf
 from time import monotonic
 
 import numpy as np
@@ -61,6 +62,7 @@ class Emulator:
             watchdog_s=None,
             emulated=True,
             paced=paced,
+            longest_pulse_s=inf,
         )
         self._now = clock
         self._rig: Rig | None = None

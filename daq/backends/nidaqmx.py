@@ -31,6 +31,8 @@ from daq.rig.channels import Channel
 from simulator.validation import Quantity, tuple_at
 
 RATES = (0.1, 2e6)
+LONGEST_PULSE = 0.8
+"""s that any NI counter can time by itself: 24 bits at 20 MHz."""
 COERCED = 1e-6
 """Share of the rate by which the driver may change it unnoticed: a converter's clock is less exact."""
 
@@ -56,6 +58,7 @@ class NiDaqmx:
             watchdog_s=None,
             emulated=False,
             paced=True,
+            longest_pulse_s=LONGEST_PULSE,
         )
         self._tasks = ExitStack()
         self._ready = self._sampling = False

@@ -10,7 +10,7 @@ from math import degrees, isfinite, tau
 from typing import NamedTuple
 from uuid import uuid4
 
-from daq.backend import HitOutput, Output, RestOutput, SpeedOutput
+from daq.backend import Capabilities, HitOutput, Output, RestOutput, SpeedOutput, no_pulse
 from daq.messages_pb2 import Command
 from daq.rig import Rig
 from daq.shaft import Motion
@@ -30,7 +30,7 @@ SLOWEST_RAMP = 0.01
 """Hz/s: slower ones would never end."""
 
 TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "arm": ((), ()),
+    "arm": (("longest_hit",), ("plan",)),
     "speed": (("speed_hz", "ramp_hz_per_s", "at_sample"), ()),
     "hit": (("force", "duration", "at_sample", "angle"), ("solenoid",)),
     "stop": ((), ()),
@@ -71,16 +71,17 @@ class Commands:
 
     Args:
         rig: its ranges, solenoids and safe state.
-        outputs: the output kinds that the device performs.
+        capabilities: of the device: what it performs, and whether a real rig is behind it.
         new_lease: makes an identifier that cannot be guessed by accident.
     """
 
     def __init__(
-        self, rig: Rig, outputs: tuple[type, ...], new_lease: Callable[[], str] = lambda: uuid4().hex
+        self, rig: Rig, capabilities: Capabilities, new_lease: Callable[[], str] = lambda: uuid4().hex
     ) -> None:
         self.holder = ""
         self._rig = rig
-        self._outputs = outputs
+        self._capabilities = capabilities
+        self._planned = capabilities.emulated  # whether a plan has been named, which hardware asks for
         self._new_lease = new_lease
         self._lease = ""
         self._silence = 0.0
@@ -154,12 +155,22 @@ class Commands:
                 f"the calibration of {', '.join(now.overdue)} is overdue: have it renewed, or set "
                 "command.allow_overdue = true, which the recording will tell"
             )
+        plan = command.texts.get("plan", "")
+        if not (self._planned or plan):
+            raise CommandError(
+                "this rig is hardware, which arms for a named plan: `rigtwin plan run PLAN`, or start the "
+                "run with `rigtwin live --plan PLAN`"
+            )
+        if longest := command.values.get("longest_hit", 0.0):
+            self._check_output(HitOutput, "solenoid")
+            self._check_pulse(longest)
         if self._lease and command.lease != self._lease:
             raise CommandError(f"{self.holder} holds the rig: one operator at a time, wait or stop it first")
+        self._planned = True
         self._lease = self._lease or self._new_lease()
         self._silence = 0.0
         self.holder = command.who
-        return Decision("armed", lease=self._lease)
+        return Decision(f"armed for {plan}" if plan else "armed", lease=self._lease)
 
     def _speed(self, command: Command, now: Situation) -> Decision:
         self._check_lease(command, now)
@@ -185,6 +196,7 @@ class Commands:
         solenoid = self._solenoid(command)
         force = _number(command, "force", 0.0, solenoid.max_force, "N")
         duration = _number(command, "duration", 1e-4, solenoid.max_duration, "s")
+        self._check_pulse(duration)
         at_angle = "angle" in command.values
         at_sample = self._passage(command, now) if at_angle else self._scheduled(command, now)
         if max(now.sample, at_sample or 0) < self._busy_until:
@@ -226,9 +238,14 @@ class Commands:
             raise CommandError(f"{self.holder} holds the rig: only the holder of the lease may move it")
 
     def _check_output(self, kind: type, what: str) -> None:
-        if kind not in self._outputs:
+        if kind not in self._capabilities.outputs:
             backend = self._rig.acquisition.backend
             raise CommandError(f"the backend {backend} has no {what} output")
+
+    def _check_pulse(self, duration: float) -> None:
+        """Refuse a hit that the device would not end by itself."""
+        if reason := no_pulse(self._capabilities, duration):
+            raise CommandError(reason)
 
     def _solenoid(self, command: Command) -> Solenoid:
         solenoids = {solenoid.name: solenoid for solenoid in self._rig.solenoids}

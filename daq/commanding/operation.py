@@ -115,7 +115,7 @@ class Operation:
         return answer
 
     def _take_plan(self, command: Command) -> Answer:
-        """Accept a plan, or the rest of the one that was cut short; it begins with the next block."""
+        """Arm for a plan, or the rest of the one that was cut short; it begins with the next block."""
         if self._clock is None:
             return Answer(text="the run has not started yet")
         if self.lease:
@@ -128,9 +128,15 @@ class Operation:
             return Answer(text=str(error), sample=self._clock.sample)
         if plan is None:
             return Answer(text="no plan was cut short: there is nothing to resume", sample=self._clock.sample)
-        self._plan, self._first_sample = plan, self._clock.sample
+        try:
+            answer = self._arm(plan)
+        except LinkError as error:
+            return Answer(text=f"the daq does not answer: {error}", sample=self._clock.sample)
+        if not answer.accepted:
+            return Answer(text=f"arming was refused: {answer.text}", sample=self._clock.sample)
         text = f"plan {plan.name}: {len(plan.steps)} steps, about {plan.expected_duration(self._rig):.0f} s"
         self._emit(command.name, f"{command.who}: {text}", details={"who": command.who})
+        self._begin_plan(plan, answer)
         return Answer(accepted=True, text=text, sample=self._clock.sample)
 
     def end(self, reason: str) -> None:
@@ -155,10 +161,10 @@ class Operation:
         self._first_sample = sample
 
     def _start_plan(self, plan: Plan) -> None:
-        """Arm the rig and begin the plan."""
+        """Arm the rig and begin the plan that the operator was started with."""
         clock = self._now()
         try:
-            answer = self._ask(Command(name="arm", who=f"plan {plan.name}"))
+            answer = self._arm(plan)
         except NoAnswer as error:  # the link for commands may be up a little later than the stream
             if clock.sample - self._first_sample > PATIENCE * self._rig.acquisition.rate:
                 self._end_plan(f"the daq does not answer: {error}")
@@ -169,8 +175,18 @@ class Operation:
         if not answer.accepted:
             self._end_plan(f"arming was refused: {answer.text}")
             return
-        self._take_lease(answer)
-        self._runner = PlanRunner(plan, self._rig)
+        self._begin_plan(plan, answer)
+
+    def _arm(self, plan: Plan) -> Answer:
+        """Ask for the lease for a plan; the daq refuses what its device must not do. Raises `LinkError`."""
+        arm = Command(name="arm", who=f"plan {plan.name}")
+        arm.texts["plan"], arm.values["longest_hit"] = plan.name, plan.longest_hit
+        return self._ask(arm)
+
+    def _begin_plan(self, plan: Plan, armed: Answer) -> None:
+        """Take the lease and the plan; its first step is due with the next block."""
+        self._take_lease(armed)
+        self._plan, self._runner = plan, PlanRunner(plan, self._rig)
         self._step = 0
         duration = plan.expected_duration(self._rig)
         details = {"plan": plan.name, "steps": len(plan.steps), "expected_duration": f"{duration:g}"}

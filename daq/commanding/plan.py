@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from daq.backend import Capabilities, no_pulse
 from daq.commanding.plan_steps import (
     MOST_STEPS,
     STEPS,
@@ -23,7 +24,7 @@ from daq.commanding.plan_steps import (
 from daq.rig import Rig, toml_source
 from simulator.validation import NAME, RigError, nearest, tuple_at
 
-__all__ = ["Plan", "PlanError", "PlanHead", "load_plan", "plan_from_text", "shipped_plans"]
+__all__ = ["Plan", "PlanError", "PlanHead", "check_device", "load_plan", "plan_from_text", "shipped_plans"]
 
 TABLES = ("plan", "step", "abort")
 
@@ -64,6 +65,14 @@ def plan_from_text(text: str, rig: Rig, source: str = "plan") -> Plan:
         return _plan(tables, rig)
     except RigError as error:
         raise PlanError(f"{source}: {error}") from error
+
+
+def check_device(plan: Plan, rig: Rig, capabilities: Capabilities) -> None:
+    """Refuse a plan with a hit that the rig's device would not end by itself. Raises `PlanError`."""
+    if not plan.longest_hit:
+        return
+    if reason := no_pulse(capabilities, plan.longest_hit):
+        raise PlanError(f"{plan.name} hits, but on the backend {rig.acquisition.backend} {reason}")
 
 
 def _plan(tables: Mapping[str, Any], rig: Rig) -> Plan:

@@ -152,6 +152,11 @@ class Plan:
     steps: tuple[Step, ...]
     aborts: tuple[Abort, ...] = ()
 
+    @property
+    def longest_hit(self) -> float:
+        """Length of the longest hit, s; 0 for a plan without hits."""
+        return max((step.duration for step in self.steps if isinstance(step, HitStep)), default=0.0)
+
     def expected_duration(self, rig: Rig) -> float:
         """Return how long the plan takes from rest, in seconds, where everything settles at once."""
         total = speed_hz = 0.0

@@ -1,7 +1,8 @@
 """A double of NI's driver at its lowest interface in Python: nidaqmx's own code runs above it.
 
 A device "Dev1" with a 20 MHz timebase: analog inputs give volts that a test sets, `_ao0_vs_aognd` what the
-output gives, a counter counts an encoder that turns at a speed of the test's. Times are those of `clock`.
+output gives, a counter counts an encoder that turns at a speed of the test's, and `ai7` shows the pulses of all
+counters. Times are those of `clock`.
 """
 
 import time
@@ -12,6 +13,7 @@ from nidaqmx._base_interpreter import BaseInterpreter
 from nidaqmx.errors import DaqError
 
 TIMEBASE = 20e6
+SOLENOID = "ai7"
 AVAILABLE, ACQUIRED, CHANNELS_READ = 0x1223, 0x192A, 0x217B
 GENERATED, CHANNELS_WRITTEN = 0x192B, 0x217E
 SAMPLE_RATE = 0x1344
@@ -38,16 +40,18 @@ class Double(BaseInterpreter):
 
     def __init__(self):
         self.clock = time.monotonic
-        self.tasks = {}
+        self.tasks, self.made = {}, 0
         self.volts = defaultdict(float)
         self.speed = 0.0
         self.ticks_per_turn = 4096
         self.busy = False
         self.held = defaultdict(float)  # V that an analog output holds
         self.pulses, self.lines = [], []
+        self.on = {}  # s of the clock from and to which a task's pulse is on
 
     def create_task(self, session_name):
-        self.tasks[handle := len(self.tasks) + 1] = Task()
+        self.made += 1
+        self.tasks[handle := self.made] = Task()
         return handle, True
 
     def get_system_info_attribute_uint32(self, attribute):
@@ -58,6 +62,9 @@ class Double(BaseInterpreter):
 
     def clear_task(self, task):
         self._settle(self.tasks[task])
+        if task in self.on:
+            begin, end = self.on[task]
+            self.on[task] = begin, min(end, self.clock())
         del self.tasks[task]
 
     def _add(self, task, channel):
@@ -97,10 +104,11 @@ class Double(BaseInterpreter):
     def start_task(self, task):
         if self.busy:
             raise DaqError("The specified resource is reserved.\n\nStatus Code: -50103", RESERVED)
-        task = self.tasks[task]
+        handle, task = task, self.tasks[task]
         task.started, task.read = self.clock(), 0
         if task.pulse:
             self.pulses.append(task.pulse)
+            self.on[handle] = task.started, task.started + task.pulse[1]
 
     def stop_task(self, task):
         self._settle(self.tasks[task])
@@ -157,6 +165,9 @@ class Double(BaseInterpreter):
         return read_array, num_samps_per_chan
 
     def _input(self, task, channel, indices):
+        if channel == SOLENOID:
+            times = task.started + indices / task.rate
+            return self.volts[channel] + sum(1.0 * ((a <= times) & (times < b)) for a, b in self.on.values())
         if not channel.startswith("_ao0"):
             return self.volts[channel]
         for output in self.tasks.values():

@@ -5,7 +5,7 @@ from math import inf, nan, tau
 
 import pytest
 
-from daq.backend import HitOutput, RestOutput, SpeedOutput
+from daq.backend import Capabilities, HitOutput, RestOutput, SpeedOutput
 from daq.commanding.commands import COUNTED_PAUSE, CommandError, Commands, Situation
 from daq.messages_pb2 import Command
 from daq.rig import load_rig
@@ -13,13 +13,14 @@ from daq.shaft import Motion
 
 RIG = load_rig("thesis-ball")
 ALL_OUTPUTS = (SpeedOutput, HitOutput, RestOutput)
+DEVICE = Capabilities((1.0, 1e6), ALL_OUTPUTS, True, None, True, True, longest_pulse_s=1.0)
 NOW = Situation(sample=1000, first_out="", ending=False)
 TRIPPED = NOW._replace(first_out="force")
 
 
 @pytest.fixture
 def commands():
-    return Commands(RIG, ALL_OUTPUTS)
+    return Commands(RIG, DEVICE)
 
 
 @pytest.fixture
@@ -219,13 +220,53 @@ def test_nothing_moves_at_the_end_of_a_run(commands, lease):
 
 
 def test_what_the_device_cannot_do_is_refused(lease):
-    mute = Commands(RIG, (RestOutput,))
+    mute = Commands(RIG, DEVICE._replace(outputs=(RestOutput,)))
     lease = decide(mute, "arm").lease
     assert refusal(mute, "speed", lease, speed_hz=1.0) == "the backend emulator has no speed output"
     assert refusal(mute, "hit", lease) == "the backend emulator has no solenoid output"
-    bare = Commands(replace(RIG, solenoids=()), ALL_OUTPUTS)
+    bare = Commands(replace(RIG, solenoids=()), DEVICE)
     lease = decide(bare, "arm").lease
     assert refusal(bare, "hit", lease, force=1.0, duration=0.01) == "this rig has no solenoid"
+
+
+@pytest.mark.parametrize(
+    ("longest", "said"),
+    [
+        (None, "the device does not end a hit by its own timing: hits are refused"),
+        (0.005, "the device ends a hit of at most 0.005 s by its own timing, not one of 0.01 s"),
+    ],
+)
+def test_a_hit_that_the_device_would_not_end_is_refused_and_so_is_a_plan_with_one(longest, said):
+    commands = Commands(RIG, DEVICE._replace(longest_pulse_s=longest))
+    assert refusal(commands, "arm", plan="impacts", longest_hit=0.01) == said
+    assert not commands.armed
+    lease = decide(commands, "arm", plan="spin", longest_hit=0.0).lease
+    assert refusal(commands, "hit", lease, force=1.0, duration=0.01) == said
+
+
+def test_a_hit_that_the_device_just_times_is_accepted():
+    commands = Commands(RIG, DEVICE._replace(longest_pulse_s=0.01))
+    lease = decide(commands, "arm", longest_hit=0.01).lease
+    assert decide(commands, "hit", lease, force=1.0, duration=0.01).output
+
+
+def test_hardware_arms_once_a_plan_is_named():
+    commands = Commands(RIG, DEVICE._replace(emulated=False))
+    assert refusal(commands, "arm") == (
+        "this rig is hardware, which arms for a named plan: `rigtwin plan run PLAN`, or start the run with "
+        "`rigtwin live --plan PLAN`"
+    )
+    assert refusal(commands, "arm", plan="", now=TRIPPED).startswith("the rig is tripped")
+    assert not commands.armed
+    assert decide(commands, "arm", plan="spin").text == "armed for spin"
+    commands.disarm()
+    assert decide(commands, "arm").text == "armed"  # the run has its plan
+
+
+def test_a_plan_that_was_refused_does_not_count():
+    commands = Commands(RIG, DEVICE._replace(emulated=False, longest_pulse_s=None))
+    assert refusal(commands, "arm", plan="impacts", longest_hit=0.01).startswith("the device does not end")
+    assert refusal(commands, "arm").startswith("this rig is hardware")
 
 
 def silent_for(commands, seconds, step=0.002):

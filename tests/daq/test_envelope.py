@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.backend import EnableOutput, HitOutput, RestOutput, SpeedOutput
+from daq.backend import Capabilities, EnableOutput, HitOutput, RestOutput, SpeedOutput
 from daq.envelope import Envelope, EnvelopeError, Present, Pulse, longest_on
 from daq.rig import load_rig, rig_from_text
 
@@ -22,6 +22,8 @@ TWO = rig_from_text(SECOND + RIG.toml)
 
 class Device:
     """Performs everything 10 samples after `clock`, or when it is scheduled."""
+
+    capabilities = Capabilities((1.0, 1e6), (), True, None, True, True, longest_pulse_s=1.0)
 
     def __init__(self):
         self.clock = READY.sample
@@ -228,3 +230,15 @@ def test_the_worst_window_is_found(gaps, window):
         pulses.append(Pulse("a", begin + gap, begin + gap + length))
         begin += gap + length
     assert longest_on(pulses, window) == brute_force(pulses, window)
+
+
+@pytest.mark.parametrize("longest", [None, 0.009, nan])
+def test_a_pulse_that_the_device_would_not_end_by_itself_is_refused(site, longest):
+    site.device.capabilities = site.device.capabilities._replace(longest_pulse_s=longest)
+    assert site.refused(hit()) == "the device would not end a pulse of 0.01 s by itself"
+    assert site.write(SpeedOutput(1.0, 1.0)) == 1010
+
+
+def test_a_pulse_of_just_what_the_device_times_passes(site):
+    site.device.capabilities = site.device.capabilities._replace(longest_pulse_s=0.01)
+    assert site.write(hit()) == 1010

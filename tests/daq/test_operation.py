@@ -1,12 +1,13 @@
 """The operator's rules, against a real acquisition of the emulator, without links or clocks."""
 
 from collections import deque
+from functools import partial
 
 import pytest
 
 from daq import keys
 from daq.acquisition import Acquisition
-from daq.backend import make_backend
+from daq.backends.emulator import Emulator
 from daq.commanding.operation import Operation
 from daq.commanding.plan import plan_from_text
 from daq.link import LinkError, NoAnswer
@@ -42,8 +43,9 @@ duration = 0.2
 class Bench:
     """A daq and an operator joined by function calls; a line that is cut gives no answers."""
 
-    def __init__(self, plan=None, rig=RIG, run="run-1"):
+    def __init__(self, plan=None, rig=RIG, run="run-1", device=partial(Emulator, paced=False)):
         self.rig = rig
+        self.device = device
         self.events: list[Event] = []  # the operator's
         self.daq_events: list[Event] = []
         self.cut: Exception | None = None
@@ -57,7 +59,7 @@ class Bench:
         """Start the daq, or start it anew."""
         self.close()
         self._news = deque()
-        self.backend = make_backend("emulator", paced=False)
+        self.backend = self.device()
         self.backend.open(self.rig)
         self.daq = Acquisition(
             self.rig, self.backend, lambda *message: self._news.append(message), run=run, t0_ns=0
@@ -375,9 +377,7 @@ def test_a_plan_stops_at_a_trip_and_goes_on_only_when_told(bench, spin):
     rig.run(2.0)
     assert rig.operation.state == "idle"
     assert rig.daq.at_rest
-    assert rig.command("resume").accepted
-    rig.run(0.1)
-    assert "arming was refused: the rig is tripped" in rig.last.text
+    assert rig.command("resume").text.startswith("arming was refused: the rig is tripped")
     assert rig.command("reset").accepted
     assert rig.command("resume").accepted
     rig.run(1.5)
@@ -449,3 +449,38 @@ def test_a_hit_at_a_shaft_angle_is_the_daqs_to_time(bench):
     (hit,) = [event for event in rig.daq_events if event.kind == "hit"]
     assert float(hit.details["angle"]) == pytest.approx(1.5707963)
     assert rig.last.details["completed"] == "yes"
+
+
+class Hardware(Emulator):
+    """The emulated rig as a device behind which a real one would be, and that times no pulse."""
+
+    def __init__(self):
+        super().__init__(paced=False)
+        self.capabilities = self.capabilities._replace(emulated=False, longest_pulse_s=None)
+
+
+def test_a_plan_with_hits_is_refused_before_a_device_that_times_none_is_armed(bench):
+    rig = bench(device=Hardware)
+    rig.run(0.1)
+    said = "arming was refused: the device does not end a hit by its own timing: hits are refused"
+    assert rig.command("plan", texts={"toml": SPIN}).text == said
+    assert rig.operation.state == "idle"
+    rig.run(0.1)
+    assert [event.kind for event in rig.daq_events] == ["start", "refused"]
+
+
+def test_a_plan_that_hardware_was_started_with_arms_it(bench):
+    rig = bench(plan_from_text(WATCHED, RIG), device=Hardware)
+    rig.run(0.1)
+    (arm,) = [event for event in rig.daq_events if event.kind == "arm"]
+    assert (arm.details["plan"], arm.text) == ("watched", "plan watched: armed for watched")
+
+
+def test_hardware_is_not_armed_by_hand_before_a_plan_is_named(bench):
+    rig = bench(device=Hardware)
+    rig.run(0.1)
+    assert "`rigtwin plan run PLAN`" in rig.command("arm").text
+    assert rig.command("plan", texts={"toml": WATCHED}).accepted
+    rig.run(0.1)
+    assert rig.command("stop").accepted
+    assert rig.command("arm").accepted

@@ -31,7 +31,7 @@ class Device:
     """Takes its samples from the test and performs outputs on a model of set-point, enable and pulses."""
 
     capabilities = Capabilities(
-        (1.0, 1e6), (SpeedOutput, HitOutput, RestOutput, EnableOutput), True, None, True, False
+        (1.0, 1e6), (SpeedOutput, HitOutput, RestOutput, EnableOutput), True, None, True, False, 1.0
     )
 
     def __init__(self):

@@ -79,3 +79,35 @@ def assert_as_measured(path):
     notches = np.flatnonzero(np.diff((signals["keyphasor"] < -4.0).astype(int)) == 1)
     assert set(np.diff(notches)) == {1024}
     assert signals["current_drive_left"].mean() == pytest.approx(2.0, abs=1e-3)
+
+
+STILL = """
+[plan]
+name = "still"
+description = "nothing moves"
+[[step]]
+do = "mark"
+text = "begun"
+[[step]]
+do = "wait"
+duration = 0.1
+"""
+
+
+def test_hardware_arms_for_a_named_plan_alone(folder):
+    (folder / "still.toml").write_text(STILL)
+    live = ("--rig", "foreign.toml", "--plan", "none", "--view", "none", "--no-record")
+    with Running("live", *PATIENT, *live, cwd=folder) as run:
+        run.wait_for("no plan: nothing moves until `rigtwin plan run PLAN`")
+        run.wait_for("sample")
+        armed = rigtwin("command", "arm", cwd=folder)
+        assert (armed.returncode, armed.stdout) == (
+            1,
+            "refused: this rig is hardware, which arms for a named plan: `rigtwin plan run PLAN`, or start "
+            "the run with `rigtwin live --plan PLAN`\n",
+        )
+        planned = rigtwin("plan", "run", "still.toml", cwd=folder)
+        assert (planned.returncode, planned.stdout) == (0, "plan still: 2 steps, about 0 s\n")
+        run.wait_for("plan still is completed")
+        assert rigtwin("command", "arm", cwd=folder).stdout == "armed\n"
+        assert run.interrupt() == 0, run.said()

@@ -168,6 +168,16 @@ def test_check_answers_no_to_a_plan_beyond_the_rig(call, tmp_path):
     assert json.loads(call("plan", "check", path, "--json")[1])["valid"] is False
 
 
+def test_check_answers_no_to_hits_that_the_device_does_not_end(call):
+    device = ("--set", "acquisition.backend=opendaq", "--set", "device.address=daqref://device0")
+    code, said = call("plan", "check", "impacts", *device)
+    assert code == 1
+    assert said == (
+        "impacts hits, but on the backend opendaq the device does not end a hit by its own timing: hits are "
+        "refused\n"
+    )
+
+
 def test_setup_writes_a_dated_description_and_overwrites_nothing(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["rig", "setup", "thesis-ball"]) == 0
