@@ -16,7 +16,7 @@ from daq.backend import Backend, EnableOutput, Output, OutputRefused, Reading, R
 from daq.commanding.commands import CommandError, Commands, Situation
 from daq.continuity import Continuity, DriftWatch
 from daq.envelope import Envelope, EnvelopeError, Present
-from daq.events import EventLog, Publish
+from daq.events import LEFT_OUT, EventLog, Publish
 from daq.guard import guard_of
 from daq.messages import BlockStatus
 from daq.messages_pb2 import ALARM, INFO, WARNING, Answer, Command, Status
@@ -205,6 +205,7 @@ class Acquisition:
     def end(self) -> None:
         """Publish what is left and the event `end`, whose detail `samples` is the run's last index plus 1."""
         self._stream.flush()
+        self._record(True)
         self._events.advance(self.sample, ending=True)
         self.ending = self.ended = True
         details = {"samples": self.sample, "lost": self.lost}
@@ -294,8 +295,10 @@ class Acquisition:
             self._reset()
         if decision.output:
             sample = self._write(decision.output, decision.at_sample)
+        if command.name == "record":
+            self._record(command.texts["switch"] == "on")
         if command.name in ("stop", "trip"):
-            self.commands.disarm()
+            self._disarm()
         if command.name == "trip":
             manual = protection.Trip(MANUAL, sample, decision.text)
             self._latch(manual)
@@ -336,8 +339,22 @@ class Acquisition:
 
     def _write_rest(self) -> int:
         sample = self._write(RestOutput(self.rig.safe_state.ramp))
-        self.commands.disarm()
+        self._disarm()
         return sample
+
+    def _disarm(self) -> None:
+        """Revoke the lease, and go on recording, which is off for no longer than its holder is there."""
+        self.commands.disarm()
+        self._record(True)
+
+    def _record(self, switch: bool) -> None:
+        """Switch recording on or off; publish which samples were left out, once they are over."""
+        left_out = self._stream.record(switch, self._backend.clock())
+        if left_out:
+            first, last = left_out
+            seconds = (last - first + 1) / self.rig.acquisition.rate
+            text = f"{seconds:.2f} s were left out of the recording, as commanded"
+            self._events.add(LEFT_OUT, text, self.sample, details={"first": first, "last": last})
 
     def _set_enable(self, energised: bool) -> None:
         """Energise or drop the trip relay, where the device has one."""

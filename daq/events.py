@@ -10,6 +10,8 @@ from daq.timing import StartTime
 
 Publish = Callable[[str, bytes], None]
 SOURCE = "daq"
+LEFT_OUT = "left_out"
+"""Kind of the daq's event that tells samples `first` to `last`, which were not to be recorded."""
 
 
 class EventCounter:

@@ -6,6 +6,7 @@ A key is `rig/<rig>/<part>/<topic>`; the recording uses the same keys as its top
 import re
 from enum import StrEnum
 from fnmatch import fnmatchcase
+from functools import lru_cache
 from typing import NamedTuple
 
 ALLOWED = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
@@ -58,6 +59,7 @@ SCHEMAS = {topic.pattern: topic.message for topic in TOPICS}
 """Message name of each key pattern."""
 
 
+@lru_cache(1024)
 def topic(key: str) -> Topic:
     """Return the row of the service table for a key.
 

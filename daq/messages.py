@@ -38,6 +38,8 @@ class BlockStatus(IntFlag):
     """The samples come from a model, not from hardware."""
     GAP_BEFORE = 32
     """Samples between the previous block and this one are missing."""
+    RECORDING_OFF = 64
+    """A plan has switched recording off: of such samples only those before a trip are recorded."""
 
 
 TIMING_FLAGS = BlockStatus.OVERRUN | BlockStatus.LATE
@@ -216,6 +218,20 @@ def read_header(payload: bytes) -> Header:
         elif tag == FIRST_SAMPLE:
             sample = value
     return Header(timestamp, run, sample)
+
+
+def read_status(payload: bytes) -> int:
+    """Read the flags of a series, without looking at its samples.
+
+    Raises:
+        MessageError: the bytes are cut off before the flags or are no such message.
+    """
+    for tag, value, _start, _end in _fields(payload, 0, len(payload)):
+        if tag == STATUS:
+            return value & UINT32_MAX
+        if tag >> 3 > STATUS >> 3:
+            break
+    return 0
 
 
 def _varint(value: int) -> bytes:

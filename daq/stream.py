@@ -9,7 +9,7 @@ from daq import keys
 from daq.collector import Collector
 from daq.events import Publish
 from daq.guard import Guard, magnitude, rows_of
-from daq.messages import SeriesEncoder
+from daq.messages import BlockStatus, SeriesEncoder
 from daq.messages_pb2 import Summary
 from daq.rig import Rig
 from daq.summary import ChannelStatistics, summarise
@@ -19,6 +19,7 @@ TRUTH_STRIDE = 5
 """Of the true state, samples whose index is a multiple of this are published."""
 SUMMARY_PERIOD = 0.1
 """s that one channel summary covers."""
+RECORDING_OFF = int(BlockStatus.RECORDING_OFF)
 
 
 class Stream:
@@ -59,6 +60,8 @@ class Stream:
         self._summary = Summary(run=run)
         self._statistics = ChannelStatistics(run, names, units)
         self._statistics_length = max(block, round(SUMMARY_PERIOD * rate))
+        self._off_from: int | None = None  # sample from which on recording is off
+        self._left_out: tuple[int, int] | None = None  # samples published while it was
         self._truth = None
         if truth:
             self._truth_encoder = SeriesEncoder(run, rate, *truth, stride=TRUTH_STRIDE)
@@ -73,6 +76,19 @@ class Stream:
         if self._truth:
             self._truth.add(signals, first_sample, status)
 
+    def record(self, switch: bool, sample: int) -> tuple[int, int] | None:
+        """Switch recording on or off at a sample; whole blocks are left out, none of what came before it.
+
+        Returns:
+            When switched on: first and last of the samples that were left out; None where none were.
+        """
+        if not switch and self._off_from is None:
+            self._off_from = sample
+        if not switch:
+            return None
+        left_out, self._left_out, self._off_from = self._left_out, None, None
+        return left_out
+
     def flush(self) -> None:
         """Publish what has been collected so far, at the run's end."""
         self._blocks.flush()
@@ -82,6 +98,10 @@ class Stream:
 
     def _publish_block(self, first_sample: int, samples: NDArray[np.float32], status: int) -> None:
         timestamp = self._start.timestamp(first_sample, self._rate)
+        if flag := self._off(first_sample):
+            begin = self._left_out[0] if self._left_out else first_sample
+            self._left_out = begin, first_sample + samples.shape[1] - 1
+            status |= flag
         self._publish(self._block_key, self._encoder.encode(timestamp, first_sample, status, samples))
         summary = summarise(
             self._summary,
@@ -99,8 +119,13 @@ class Stream:
 
     def _publish_truth(self, first_sample: int, signals: NDArray[np.float32], status: int) -> None:
         timestamp = self._start.timestamp(first_sample, self._rate)
+        status |= self._off(first_sample)
         payload = self._truth_encoder.encode(timestamp, first_sample, status, signals)
         self._publish(self._truth_key, payload)
+
+    def _off(self, first_sample: int) -> int:
+        """Flag a series that begins after recording was switched off."""
+        return RECORDING_OFF if self._off_from is not None and first_sample >= self._off_from else 0
 
     def _publish_statistics(self) -> None:
         for key, message in zip(self._channel_keys, self._statistics.take(), strict=False):

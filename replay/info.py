@@ -19,7 +19,7 @@ from replay import found
 __all__ = ["brief", "info", "parts", "text"]
 
 EVENTS = 20  # shown as text
-GAPS = 10
+STRETCHES = 10
 
 
 class Peaks:
@@ -79,6 +79,7 @@ def info(path: str | Path) -> dict[str, Any]:
             "lost": account.lost,
             "duration": account.expected / rate,
             "gaps": [list(gap) for gap in account.gaps],
+            "left_out": [list(stretch) for stretch in account.left_out],
             "late_blocks": account.late,
             "channels": peaks.rows(description.toml),
             "events": [_event(event, rate) for event in run.events()],
@@ -101,7 +102,8 @@ def text(facts: dict[str, Any]) -> str:
         f"start        {facts['start']} within {accuracy}",
         f"duration     {facts['duration']:.3f} s at {facts['rate']:g} Hz",
         f"samples      {facts['samples']} of each channel, {facts['lost']} lost",
-        *_gap_lines(facts),
+        *_stretch_lines("gap", facts["gaps"], "gaps"),
+        *_stretch_lines("left out", facts["left_out"], "stretches left out"),
         f"late blocks  {facts['late_blocks']}",
         f"certificate  {_verdict(facts)}",
         f"digest       {facts['digests']['file']}",
@@ -180,10 +182,10 @@ def _part(facts: dict[str, Any]) -> str:
     )
 
 
-def _gap_lines(facts: dict[str, Any]) -> list[str]:
-    gaps = facts["gaps"]
-    lines = [f"gap          samples {first} to {last}" for first, last in gaps[:GAPS]]
-    return [*lines, f"             and {len(gaps) - GAPS} more gaps"] if len(gaps) > GAPS else lines
+def _stretch_lines(name: str, stretches: list[list[int]], several: str) -> list[str]:
+    lines = [f"{name:13}samples {first} to {last}" for first, last in stretches[:STRETCHES]]
+    left = len(stretches) - STRETCHES
+    return [*lines, f"{'':13}and {left} more {several}"] if left > 0 else lines
 
 
 def _channel_line(row: dict[str, Any]) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from analysis.regime import named
 from daq import keys
 from daq.events import EventCounter
-from daq.messages import SeriesEncoder, decode_series
+from daq.messages import BlockStatus, SeriesEncoder, decode_series
 from daq.messages_pb2 import INFO, WARNING, Parameter, Severity
 from daq.regions import KIND, Regions
 from daq.rig import Rig
@@ -18,6 +18,8 @@ from twin.health import Health
 from twin.observer import Observer
 
 SOURCE = "twin"
+RECORDING_OFF = int(BlockStatus.RECORDING_OFF)
+NOT_RECORDED = "not recorded, as commanded"
 LOST_PERIOD = 1.0  # s in which a state that is lost again and again is told once
 
 
@@ -42,6 +44,9 @@ class Twin:
         """Samples estimated so far."""
         self.lost = 0
         """Samples that did not come."""
+        self.reached = 0
+        """Index behind the last block that was taken in."""
+        self._passed_over = False  # whether the last block was not to be recorded
         self._findings = Findings(rig)
         self._health = Health(rig, self.observer.tuning)
         self._first_out = ""
@@ -57,12 +62,18 @@ class Twin:
     def process(self, payload: bytes, cause: str = "not received") -> list[tuple[str, bytes]]:
         """Take in the next block, as it was published, and return what to publish: (key, payload).
 
-        `cause` says why samples before this block are missing, if any are. Raises MessageError for bytes
+        `cause` says why samples before this block are missing, if any are. A block that is not to be recorded
+        is passed over, so that equal estimates follow from the recording. Raises MessageError for bytes
         that are no block, ValueError for a block of another rig or from the past.
         """
         block = decode_series(payload)
+        self.reached = block.first_sample + block.samples.shape[1]
+        if block.status & RECORDING_OFF:
+            self._passed_over = True
+            return []
         estimated = self.observer.update(block)
-        messages = self._events(estimated, cause)
+        messages = self._events(estimated, NOT_RECORDED if self._passed_over else cause)
+        self._passed_over = False
         messages += [self._fault(fault, estimated) for fault in self._health.add(block, estimated)]
         messages.append(self._estimate(estimated))
         self._findings.add(estimated)
@@ -112,10 +123,11 @@ class Twin:
         first = estimated.first_sample
         if estimated.missing:
             begin, end = estimated.missing
-            self.lost += end - begin + 1
+            self.lost += 0 if self._passed_over else end - begin + 1
             details = {"first": begin, "last": end, "cause": cause}
             text = f"{end - begin + 1} samples before this one are missing: {cause}"
-            return [self._event("gap", text, first, WARNING, details)]
+            severity = INFO if self._passed_over else WARNING
+            return [self._event("gap", text, first, severity, details)]
         if estimated.restarted and self.samples == 0:
             text = "the estimate begins" if first == 0 else f"the estimate begins late, {self._after(first)}"
             return [self._event("start", text, first)]

@@ -166,7 +166,7 @@ class Service:
 
     def _goes_back(self, twin: Twin, sample: int) -> bool:
         """Tell whether a replay goes on from an earlier sample, as after a seek or in a loop."""
-        return self._description.mode == REPLAY and sample < (twin.observer.expected or 0)
+        return self._description.mode == REPLAY and sample < twin.reached
 
     def _is_behind(self, sample: int) -> bool:
         """Tell whether a block that begins at `sample` is too old to be worth the time."""
@@ -208,7 +208,7 @@ class Service:
 
     def _is_done(self, now: float) -> bool:
         """Tell whether every block before the end is processed, or will not come any more."""
-        reached = (self._twin.observer.expected if self._twin else None) or 0
+        reached = self._twin.reached if self._twin else 0
         end = self._end[1] if self._end else 0
         return reached >= end or now - self._ended_at > DRAIN
 
@@ -220,7 +220,7 @@ class Service:
 
     def _publish_status(self) -> None:
         now, cpu = time.monotonic(), time.process_time()
-        reached = (self._twin.observer.expected if self._twin else None) or 0
+        reached = self._twin.reached if self._twin else 0
         behind = max(0.0, (self._newest - reached) / self._rig.acquisition.rate)
         status = Status(
             timestamp=time.time(),

@@ -37,6 +37,7 @@ TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "trip": ((), ("text",)),
     "reset": ((), ()),
     "mark": ((), ("text",)),
+    "record": ((), ("switch",)),
 }
 """The commands, each with the numbers and the texts that it takes."""
 MOVING = ("arm", "speed", "hit", "reset")
@@ -94,6 +95,7 @@ class Commands:
             "trip": self._trip,
             "reset": self._reset,
             "mark": self._mark,
+            "record": self._record,
         }
 
     @property
@@ -228,6 +230,13 @@ class Commands:
         if not text or len(text) > LONGEST_TEXT:
             raise CommandError(f"mark takes a text of 1 to {LONGEST_TEXT} characters")
         return Decision(text)
+
+    def _record(self, command: Command, now: Situation) -> Decision:
+        self._check_lease(command, now)
+        switch = command.texts.get("switch", "")
+        if switch not in ("on", "off"):
+            raise CommandError(f"record takes switch, on or off, not {switch or 'nothing'}")
+        return Decision(f"recording {switch}")
 
     def _check_lease(self, command: Command, now: Situation) -> None:
         if now.first_out:

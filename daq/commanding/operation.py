@@ -16,7 +16,7 @@ from daq.rig import Rig
 
 PLANNING = ("plan", "resume")
 """Commands that the operator itself obeys: perform a plan given as TOML, go on with one that was cut."""
-MOTION = ("arm", "speed", "hit", "reset", *PLANNING)
+KEPT = ("arm", "speed", "hit", "reset", "record", *PLANNING)
 """Commands that a running plan keeps for itself; stop, trip and mark are always passed on."""
 DISARMING = ("trip", "lease_lost", "stop", "end")
 """Kinds of the daq's events after which nobody holds the lease."""
@@ -95,7 +95,7 @@ class Operation:
 
     def serve(self, command: Command) -> Answer:
         """Pass a person's command on under the operator's lease, unless a plan runs; return the answer."""
-        if self._plan and command.name in MOTION:
+        if self._plan and command.name in KEPT:
             text = f"plan {self._plan.name} is running: only stop, trip and mark until it is over"
             self._emit("refused", f"{command.name} refused to {command.who or 'someone'}: {text}", WARNING)
             return Answer(accepted=False, text=text, sample=self._clock.sample if self._clock else 0)

@@ -53,6 +53,17 @@ class MarkStep(NamedTuple):
     note: str | None = None
 
 
+class RecordStep(NamedTuple):
+    """`do = "record"`: switch recording off or on again; the next step comes at once.
+
+    While it is off no samples are recorded, but all events and summaries; protection is as ever. A trip, a
+    stop and the plan's end switch it on again, and a trip records what came before it too.
+    """
+
+    switch: Literal["on", "off"]
+    note: str | None = None
+
+
 class Stair(NamedTuple):
     """`do = "stair"`: speeds in equal steps, up or down, each held for a while.
 
@@ -130,13 +141,14 @@ class Abort(NamedTuple):
 
 MOST_STEPS = 100_000
 MOST_LEVELS = 10_000
-Step = WaitStep | SpeedStep | HitStep | MarkStep | SettleStep
+Step = WaitStep | SpeedStep | HitStep | MarkStep | RecordStep | SettleStep
 Row = Step | Stair | RepeatStep
 STEPS: dict[str, type[Row]] = {
     "wait": WaitStep,
     "speed": SpeedStep,
     "hit": HitStep,
     "mark": MarkStep,
+    "record": RecordStep,
     "settle": SettleStep,
     "stair": Stair,
     "repeat": RepeatStep,
@@ -166,12 +178,14 @@ class Plan:
         return total
 
     def rest_from(self, number: int) -> "Plan":
-        """Return what is left of the plan from a step (from 1) on, after coming to the speed that it had."""
-        speed_hz = 0.0
-        for step in self.steps[: number - 1]:
+        """Return what is left of the plan from a step (from 1) on, after coming back to where it was."""
+        done, left = self.steps[: number - 1], self.steps[number - 1 :]
+        speed_hz, note = 0.0, "back to where the plan was"
+        for step in done:
             speed_hz = speed_after(step, speed_hz)
-        left = self.steps[number - 1 :]
-        back = (SpeedStep(speed_hz, note="back to where the plan was"),) if speed_hz else ()
+        back: list[Step] = [SpeedStep(speed_hz, note=note)] if speed_hz else []
+        if [step.switch for step in done if isinstance(step, RecordStep)][-1:] == ["off"]:
+            back.append(RecordStep("off", note))
         return Plan(self.name, self.description, (*back, *left), self.aborts)
 
 
@@ -202,6 +216,8 @@ def command_of(step: Step) -> tuple[str, dict[str, float], dict[str, str]]:
         return "hit", {"force": step.force, "duration": step.duration} | angle, {"solenoid": step.solenoid}
     if isinstance(step, MarkStep):
         return "mark", {}, {"text": step.text}
+    if isinstance(step, RecordStep):
+        return "record", {}, {"switch": step.switch}
     return "", {}, {}
 
 
@@ -219,6 +235,8 @@ def sentence(step: Step) -> str:
         said = (
             f"until the {step.quantity} stays within {shown(step.quantity, step.within)} for {step.hold:g} s"
         )
+    elif isinstance(step, RecordStep):
+        said = f"recording {step.switch}"
     else:
         said = f"mark: {step.text}"
     return f"{said} ({step.note})" if step.note else said

@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass, field
 from typing import NamedTuple
 
 from daq import keys
+from daq.events import LEFT_OUT
 from daq.messages import TIMING_FLAGS, BlockStatus, decode_series, read_header
 from daq.messages_pb2 import Event
 from daq.recording.fingerprint import numeric_fingerprint
@@ -35,7 +36,7 @@ class Certificate:
         first_sample: index at which this part begins.
         expected: samples from there to the end of the run, as far as the end is known.
         received: samples that are there.
-        gaps: (first, last) index of each stretch that is missing.
+        gaps: (first, last) index of each stretch that is missing, `left_out` not counted.
         late: blocks that came late although nothing was lost.
         messages: number of messages of each topic.
         file_digest: SHA-256 of all payloads in the order of the file.
@@ -43,6 +44,7 @@ class Certificate:
         fingerprint: what the numbers depend on, see `daq.recording.fingerprint`.
         clean: whether the run's end was seen.
         continued: whether the recorder went on in the next part.
+        left_out: (first, last) index of each stretch that is not there because it was not to be recorded.
     """
 
     part: int
@@ -57,16 +59,18 @@ class Certificate:
     clean: bool
     fingerprint: dict[str, str] = field(default_factory=dict)
     continued: bool = False
+    left_out: tuple[tuple[int, int], ...] = ()
 
     @property
     def lost(self) -> int:
-        """Samples that are missing."""
-        return self.expected - self.received
+        """Samples that are missing although they were to be recorded."""
+        return self.expected - self.received - length(self.left_out)
 
     def differences(self, other: "Certificate") -> list[str]:
         """Return the names of the fields in which two accounts of the same messages differ."""
-        counted = ("first_sample", "received", "gaps", "late", "messages", "file_digest", "signal_digests")
-        return [name for name in counted if getattr(self, name) != getattr(other, name)]
+        counted = ("first_sample", "received", "gaps", "left_out", "late", "messages")
+        digests = ("file_digest", "signal_digests")
+        return [name for name in counted + digests if getattr(self, name) != getattr(other, name)]
 
     def to_metadata(self) -> dict[str, str]:
         """Return the fields as text, as a recording stores them."""
@@ -81,7 +85,8 @@ class Certificate:
         """
         try:
             values = {name: json.loads(text) for name, text in texts.items()}
-            values["gaps"] = tuple((first, last) for first, last in values["gaps"])
+            for name in {"gaps", "left_out"} & values.keys():
+                values[name] = tuple((first, last) for first, last in values[name])
             return cls(**values)
         except (TypeError, KeyError) as error:
             raise ValueError(f"the certificate is not readable: {error}") from error
@@ -138,6 +143,17 @@ class Coverage:
             missing.append((first, end - 1))
         return missing
 
+    def stretches(self) -> list[tuple[int, int]]:
+        """Return first sample and end of each stretch, in order."""
+        return list(zip(self._firsts, self._ends, strict=True))
+
+    def joined(self, other: "Coverage") -> "Coverage":
+        """Return what is in this or in the other."""
+        both = Coverage()
+        for first, end in sorted([*self.stretches(), *other.stretches()]):
+            both.add(first, end)
+        return both
+
     def _insert(self, first: int, end: int) -> bool:
         place = bisect_right(self._firsts, first)
         if (place and self._ends[place - 1] >= end) or end <= first:
@@ -177,6 +193,7 @@ class Ledger:
         self.end_sample: int | None = None
         """Samples of the whole run, once the daq has told its end."""
         self._coverage: dict[str, Coverage] = {}
+        self._left_out = Coverage()  # samples that the daq said were not to be recorded
         self._messages: Counter[str] = Counter()
         self._kinds: dict[str, str] = {}
         self._last_sample: dict[str, int] = {}
@@ -201,7 +218,8 @@ class Ledger:
     def end_of(self, kind: str) -> int:
         """Return the index behind the last sample of a series, in this part or in those before."""
         before = (end for key, end in self._skip.items() if keys.topic(key).message == kind)
-        return max(self.covered(kind).end, *before, 0)
+        left_out = self._left_out.end if kind == "Block" else 0
+        return max(self.covered(kind).end, left_out, *before)
 
     def reaches(self, kind: str, end: int) -> bool:
         """Whether a series is there up to the last block before `end`."""
@@ -213,6 +231,18 @@ class Ledger:
         ends |= {key: self.end_of(kind) for key, kind in self._kinds.items() if kind in SERIES}
         return self._skip | ends, self._events
 
+    def gaps(self, end: int) -> list[tuple[int, int]]:
+        """Return the (first, last) index of each stretch of blocks before `end` that is lost."""
+        return self.blocks.joined(self._left_out).gaps(self.first_sample, end)
+
+    def left_out(self, end: int) -> list[tuple[int, int]]:
+        """Return the (first, last) index of each stretch before `end` that is not there and was not to be."""
+        return [
+            gap
+            for begin, stop in self._left_out.stretches()
+            for gap in self.blocks.gaps(max(begin, self.first_sample), min(stop, end))
+        ]
+
     def leave_out(self, ends: Mapping[str, int], events: Iterable[bytes]) -> None:
         """Leave out what an earlier part of the recording holds.
 
@@ -222,6 +252,8 @@ class Ledger:
         """
         self._skip.update(ends)
         self._events.update(events)
+        for payload in self._events:
+            self._note_left_out(Event.FromString(payload))
 
     def admit(self, key: str, payload: bytes) -> Entry | None:
         """Take a message; return None when it is of another run or was there already.
@@ -258,19 +290,18 @@ class Ledger:
         """
         end = next((known for known in (expected, self.end_sample) if known is not None), self.blocks.end)
         end = max(end, self.blocks.end, self.first_sample)
-        gaps = self.blocks.gaps(self.first_sample, end)
-        missing = sum(last - first + 1 for first, last in gaps)
+        gaps, left_out = self.gaps(end), self.left_out(end)
         digests = {
             DIGESTED[kind]: digest.hexdigest()
             for kind, digest in self._signals.items()
             if self.covered(kind).samples
         }
-        length = end - self.first_sample
+        expected = end - self.first_sample
         return Certificate(
             part=part,
             first_sample=self.first_sample,
-            expected=length,
-            received=length - missing,
+            expected=expected,
+            received=expected - length(gaps) - length(left_out),
             gaps=tuple(gaps),
             late=self._late,
             messages=dict(sorted(self._messages.items())),
@@ -279,6 +310,7 @@ class Ledger:
             clean=clean,
             fingerprint=numeric_fingerprint(),
             continued=continued,
+            left_out=tuple(left_out),
         )
 
     def _of_this_run(self, run: str) -> bool:
@@ -334,6 +366,16 @@ class Ledger:
         if payload in self._events:
             return False
         self._events.add(payload)
+        self._note_left_out(event)
         if event.source == "daq" and event.kind == "end":
             self.end_sample = int(event.details.get("samples", self.blocks.end))
         return True
+
+    def _note_left_out(self, event: Event) -> None:
+        if event.source == "daq" and event.kind == LEFT_OUT:
+            self._left_out.add(int(event.details["first"]), int(event.details["last"]) + 1)
+
+
+def length(stretches: Iterable[tuple[int, int]]) -> int:
+    """Return the number of samples in stretches (first, last)."""
+    return sum(last - first + 1 for first, last in stretches)

@@ -22,7 +22,7 @@ from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 from daq import keys, messages_pb2
 from daq.messages_pb2 import Description
 from daq.recording import overview
-from daq.recording.certificate import Certificate, Ledger
+from daq.recording.certificate import Certificate, Ledger, length
 from daq.recording.fingerprint import numeric_fingerprint
 from daq.recording.overview import Overview
 from daq.recording.reader import (
@@ -34,6 +34,7 @@ from daq.recording.reader import (
 )
 from daq.recording.records import SEAL, seal
 from daq.recording.storage import RecordingError, Storage
+from daq.recording.withheld import Withheld
 from daq.timing import SampleClock
 
 CHUNK_SIZE = 256 * 1024  # bytes of messages that are compressed together
@@ -79,6 +80,7 @@ class RecordingWriter:
         self._schemas: dict[str, int] = {}
         self._certificate: Certificate | None = None
         self._overview = Overview()
+        self._withheld = Withheld(description.toml, description.rate)
         self._flushed = time.monotonic()
         self._storage = Storage(Path(path))
         self.path = self._storage.path
@@ -113,18 +115,22 @@ class RecordingWriter:
 
     @property
     def lost(self) -> int:
-        """Samples missing so far between the blocks that were taken."""
-        blocks = self.ledger.blocks
-        return max(0, blocks.end - self.ledger.first_sample) - blocks.samples
+        """Samples lost so far between the blocks that were taken."""
+        return length(self.ledger.gaps(self.ledger.blocks.end))
 
     def add(self, key: str, payload: bytes) -> None:
-        """Record a message, unless it is of another run or recorded already.
+        """Record a message, unless it is of another run, recorded already, or not to be recorded.
 
         Raises:
             RecordingError: the disk refuses; said once, then nothing more is written. What was written
                 stays readable.
             MessageError: the payload is not what its key promises.
         """
+        for message in self._withheld.release(key, payload):
+            self._add(*message)
+
+    def _add(self, key: str, payload: bytes) -> None:
+        """Record a message that is to be recorded."""
         if self.failure is not None:
             return
         entry = self.ledger.admit(key, payload)

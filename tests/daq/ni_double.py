@@ -1,8 +1,8 @@
 """A double of NI's driver at its lowest interface in Python: nidaqmx's own code runs above it.
 
 A device "Dev1" with a 20 MHz timebase: analog inputs give volts that a test sets, `_ao0_vs_aognd` what the
-output gives, a counter counts an encoder that turns at a speed of the test's, and `ai7` shows the pulses of all
-counters. Times are those of `clock`.
+output gives, `ai7` the pulses of all counters, a counter counts an encoder that turns at the test's speed.
+Times are those of `clock`.
 """
 
 import time

@@ -40,10 +40,13 @@ duration = 0.2
 """
 
 
+VIRTUAL = partial(Emulator, paced=False)
+
+
 class Bench:
     """A daq and an operator joined by function calls; a line that is cut gives no answers."""
 
-    def __init__(self, plan=None, rig=RIG, run="run-1", device=partial(Emulator, paced=False)):
+    def __init__(self, plan=None, rig=RIG, run="run-1", device=VIRTUAL):
         self.rig = rig
         self.device = device
         self.events: list[Event] = []  # the operator's

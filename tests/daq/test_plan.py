@@ -5,6 +5,7 @@ import pytest
 
 from daq.commanding.plan import PlanError, load_plan, plan_from_text, shipped_plans
 from daq.commanding.plan_runner import PlanRunner
+from daq.commanding.plan_steps import RecordStep, sentence
 from daq.rig import load_rig, shipped_rigs
 
 HEAD = '[plan]\nname = "short"\ndescription = "for a test"\n'
@@ -151,8 +152,10 @@ def test_a_plan_on_a_turning_rig_ramps_from_its_speed(rig):
 
 
 STEP_ERRORS = {
+    'do = "record"': r"\[\[step\]\] 1 lacks switch",
+    'do = "record"\nswitch = "of"': r'\[\[step\]\] 1 switch = "of" must be one of on, off',
     'do = "wiat"\nduration = 1.0': r"\[\[step\]\] 1 do = 'wiat' is not a step; did you mean wait\?",
-    "duration = 1.0": r"\[\[step\]\] 1 lacks do: one of wait, speed, hit, mark, settle, stair, repeat",
+    "duration = 1.0": r"\[\[step\]\] 1 lacks do: one of wait, speed, hit, mark, record, settle, stair, repeat",
     "do = 3": r"\[\[step\]\] 1 do = 3 is not a step",
     "do = []": r"\[\[step\]\] 1 do = \[\] is not a step",
     'do = "wait"\ndurations = 1.0': r"\[\[step\]\] 1 durations is not a key of this table; did you mean duration\?",
@@ -254,3 +257,11 @@ def test_what_is_left_of_a_plan_begins_at_the_speed_it_had(rig):
     left = plan.rest_from(6)
     assert [type(step).__name__ for step in left.steps] == ["SpeedStep", "WaitStep"]
     assert left.steps[0].speed_hz == 5.33
+
+
+def test_a_plan_that_was_cut_while_recording_was_off_goes_on_so(rig):
+    off, on = ('[[step]]\ndo = "record"\nswitch = "off"\n', '[[step]]\ndo = "record"\nswitch = "on"\n')
+    plan = plan_from_text(f"{SHORT}{off}{SHORT.removeprefix(HEAD)}{on}{SHORT.removeprefix(HEAD)}", rig)
+    assert [type(step).__name__ for step in plan.rest_from(9).steps[:2]] == ["SpeedStep", "RecordStep"]
+    assert not any(step == RecordStep("off") for step in plan.rest_from(16).steps)
+    assert sentence(plan.steps[6]) == "recording off"

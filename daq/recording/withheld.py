@@ -1,0 +1,57 @@
+"""Samples that come while recording is off, held for as long as a trip may make them wanted."""
+
+import tomllib
+from collections import deque
+
+from daq import keys
+from daq.messages import BlockStatus, read_header, read_status
+from daq.messages_pb2 import Event
+from daq.rig.settings import CaptureSettings
+
+CALLS = ("trip", "lease_lost", "failure")
+"""Kinds of the daq's events that call for what came before them; each also switches recording on."""
+OFF = int(BlockStatus.RECORDING_OFF)
+
+
+class Withheld:
+    """Passes on what is to be recorded.
+
+    Series with the flag `RECORDING_OFF` are held back for the seconds that a region begins before its
+    event, and passed on with a trip; after that time they are dropped.
+
+    Args:
+        toml: the rig's description, whose `[capture] before` says how many seconds.
+        rate: of the sample index, Hz.
+    """
+
+    def __init__(self, toml: str, rate: float) -> None:
+        usual = CaptureSettings().before
+        self._length = round(float(tomllib.loads(toml).get("capture", {}).get("before", usual)) * rate)
+        self._held: deque[tuple[int, str, bytes]] = deque()
+
+    def release(self, key: str, payload: bytes) -> list[tuple[str, bytes]]:
+        """Take a message; return the messages (key, payload) that are to be recorded now, in order.
+
+        Raises:
+            MessageError: the payload is not what its key promises.
+        """
+        kind = keys.topic(key).message
+        if kind in ("Block", "Truth") and read_status(payload) & OFF:
+            self._hold(key, payload)
+            return []
+        if not self._held or kind != "Event" or not calls(Event.FromString(payload)):
+            return [(key, payload)]
+        released = [(name, content) for _sample, name, content in self._held]
+        self._held.clear()
+        return [*released, (key, payload)]
+
+    def _hold(self, key: str, payload: bytes) -> None:
+        sample = read_header(payload).sample
+        self._held.append((sample, key, payload))
+        while self._held[0][0] < sample - self._length:
+            self._held.popleft()
+
+
+def calls(event: Event) -> bool:
+    """Tell whether an event makes what came before it wanted."""
+    return event.source == "daq" and event.kind in CALLS
