@@ -10,6 +10,7 @@ from docs.generate.markdown import table
 
 MEANINGS = {
     "solenoid": "name of one of the rig's",
+    "switch": "whether samples are recorded from here on",
     "quantity": "radius of the shaft's centre, resultant force, or speed",
     "note": "for people: shown and recorded with the step",
 }
