@@ -1,14 +1,15 @@
 """What the twin has found out about the rig by the end of a recording: for people, as data, as a rig file."""
 
 from math import degrees
+from pathlib import Path
 from typing import Any
 
 from analysis.regime import named
 from daq import keys
 from daq.messages_pb2 import Description, TwinSummary
 from daq.recording import Recording, RecordingError
-from daq.rig import toml_source
-from twin.identification import BALANCE_RADIUS
+from daq.rig import RigError, toml_source
+from twin.identification import BALANCE_RADIUS, KEYS
 
 SHOWN = {
     "kg m": ("g mm", 1e6),
@@ -103,3 +104,25 @@ def found_rig(recording: Recording) -> str:
             f"{recording.path} holds no parameters found by the twin: `rigtwin twin FILE -o OUT` makes them"
         )
     return rig_file(recording.description, summary)
+
+
+def found_values(path: Path) -> dict[str, float]:
+    """Return the parameters (SI) found in a rig file of `found_rig` or in a recording, by "table.key".
+
+    Of a rig file those that the twin can find and that stand in the file itself, not in its base.
+
+    Raises:
+        RigError: the rig file cannot be read, or has none of them.
+        RecordingError: the recording cannot be read, or the twin told none in it.
+    """
+    if path.suffix == ".toml":
+        text = toml_source.read(path)
+    else:
+        with Recording(path) as recording:
+            text = found_rig(recording)
+    tables = toml_source.parse(text, str(path))
+    places = [(key, *key.split(".")) for key in KEYS]
+    found = {key: tables[table][name] for key, table, name in places if name in (tables.get(table) or ())}
+    if not found:
+        raise RigError(f"{path} has none of the parameters that the twin finds: {', '.join(KEYS)}")
+    return found

@@ -3,7 +3,9 @@
 import argparse
 import json
 from contextlib import suppress
+from dataclasses import replace
 from math import tau
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from rigtwin.live import add_rig_options, rig_of
@@ -40,6 +42,14 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         if name != "list":
             verb.add_argument("plan", metavar="NAME|PATH", help="shipped name or TOML file")
         add_rig_options(verb)
+        if name == "check":
+            verb.add_argument(
+                "--found",
+                type=Path,
+                metavar="FILE",
+                help="perform it with the parameters that the twin found: a rig file of `rigtwin twin "
+                "--rig-out`, or a recording with estimates",
+            )
         verb.add_argument("--json", action="store_true", help="print JSON")
         verb.set_defaults(run=run)
     perform = verbs.add_parser("run", help="perform a plan on the running rig")
@@ -105,7 +115,7 @@ def run_check(options: argparse.Namespace) -> int:
     from daq.rig.limits import NO_LIMIT
     from daq.rig.toml_source import find
 
-    rig = rig_of(options)
+    rig, found = rig_as_found(options)
     find(options.plan, "plan")
     try:
         plan = load_plan(options.plan, rig)
@@ -117,12 +127,28 @@ def run_check(options: argparse.Namespace) -> int:
     if options.json:
         trips = {name: limit.trip for name, limit in rig.limits._asdict().items() if limit != NO_LIMIT}
         model = peaks._asdict() if peaks else None
-        facts = {"valid": True, **_facts(plan, rig), "model": model, "trips": trips}
+        facts = {"valid": True, **_facts(plan, rig), "model": model, "trips": trips, "found": found}
         print(json.dumps(facts))
     else:
         print(f"{plan.name} is valid on {rig.name}: about {plan.expected_duration(rig):.1f} s")
+        if found:
+            print(f"with {', '.join(found)} as found in {options.found}")
         print(_said(peaks, rig))
     return 1 if peaks and peaks.aborted else 0
+
+
+def rig_as_found(options: argparse.Namespace) -> tuple["Rig", dict[str, float]]:
+    """Return the rig that the options name, and which of its parameters are those that the twin found.
+
+    With any, its model is the described one, whatever the emulated rig hides from the twin.
+    """
+    if options.found is None:
+        return rig_of(options), {}
+    from replay.found import found_values
+
+    found = found_values(options.found)
+    options.set = [*(f"{key}={value!r}" for key, value in found.items()), *options.set]
+    return replace(rig_of(options), actual=None), found
 
 
 def run_run(options: argparse.Namespace) -> int:

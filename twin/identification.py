@@ -41,6 +41,21 @@ SHORT = {
 """Name of each slow state in the notes."""
 
 
+KEYS = (
+    "rotor.unbalance",
+    "rotor.unbalance_angle",
+    "rotor.coupling_force",
+    "magnetic_bearing.stiffness",
+    "magnetic_bearing.damping",
+    "backup_bearing.clearance",
+    "backup_bearing.stiffness",
+    "backup_bearing.friction",
+    "backup_bearing.damping",
+    "backup_bearing.damping_factor",
+)
+"""Keys of the rig description that may be found."""
+
+
 class Parameter(NamedTuple):
     """One parameter of the rig as found, in SI units."""
 

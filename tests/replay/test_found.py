@@ -11,7 +11,8 @@ from daq.rig import load_rig
 from recordings.reference import FOLDER
 from replay.found import found_rig, last_summary
 from replay.rerun import estimate
-from rigtwin.cli import main
+from rigtwin.cli import build_parser, main
+from rigtwin.plan_command import rig_as_found
 from tests.daq.recorded_run import record
 
 
@@ -68,3 +69,65 @@ def test_a_recording_without_findings_says_how_to_get_them(tmp_path):
         pytest.raises(RecordingError, match="rigtwin twin FILE -o OUT"),
     ):
         found_rig(recording)
+
+
+WAIT = '[plan]\nname = "wait"\ndescription = "x"\n[[step]]\ndo = "wait"\nduration = 0.1\n'
+
+
+@pytest.fixture
+def check(tmp_path, monkeypatch, capsys):
+    """Check a plan that only waits, with what was found in a file."""
+    monkeypatch.chdir(tmp_path)
+    Path("wait.toml").write_text(WAIT, encoding="utf-8")
+
+    def call(*options):
+        code = main(["plan", "check", "wait.toml", *map(str, options)])
+        said = capsys.readouterr()
+        return code, said.out + said.err
+
+    return call
+
+
+def test_a_plan_is_checked_with_what_was_found_in_a_recording_or_in_its_rig_file(twinned, check):
+    with Recording(twinned) as recording:
+        Path("found.toml").write_text(found_rig(recording), encoding="utf-8")
+    hidden = ("--set", "emulator.actual.rotor.unbalance=9e-5")
+    for source in (twinned, "found.toml"):
+        code, said = check("--found", source, "--json", *hidden)
+        facts = json.loads(said)
+        assert code == 0
+        assert facts["found"]["rotor.unbalance"] == pytest.approx(75e-6, rel=0.01)
+        assert "backup_bearing.clearance" in facts["found"]
+    assert "rotor.unbalance_angle" in check("--found", "found.toml")[1].splitlines()[1]
+
+
+def test_a_setting_goes_on_top_of_what_was_found(check):
+    Path("found.toml").write_text("[backup_bearing]\nclearance = 1e-3\n", encoding="utf-8")
+    options = build_parser().parse_args(["plan", "check", "wait.toml", "--found", "found.toml"])
+    rig, found = rig_as_found(options)
+    assert rig.emulated_model.backup_bearing.clearance == 1e-3 == found["backup_bearing.clearance"]
+    options = build_parser().parse_args(
+        ["plan", "check", "x", "--found", "found.toml", "--set", "backup_bearing.clearance=2e-3"]
+    )
+    assert rig_as_found(options)[0].emulated_model.backup_bearing.clearance == 2e-3
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[channel]\n", "found.toml has none of the parameters that the twin finds: rotor.unbalance,"),
+        ("[backup_bearing]\nclearance = 1.0\n", "[backup_bearing] clearance = 1"),
+        ("clearance", "found.toml: not TOML"),
+    ],
+)
+def test_a_file_without_anything_found_is_refused(check, text, said):
+    Path("found.toml").write_text(text, encoding="utf-8")
+    code, told = check("--found", "found.toml")
+    assert (code, said in told, len(told.splitlines())) == (2, True, 1)
+
+
+def test_a_recording_without_anything_found_is_refused(check, tmp_path):
+    record(tmp_path / "run.mcap")
+    code, told = check("--found", "run.mcap")
+    assert (code, "holds no parameters found by the twin" in told) == (2, True)
+    assert check("--found", "absent.toml")[0] == 2
