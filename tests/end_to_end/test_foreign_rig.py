@@ -99,7 +99,7 @@ def test_hardware_arms_for_a_named_plan_alone(folder):
     live = ("--rig", "foreign.toml", "--plan", "none", "--view", "none", "--no-record")
     with Running("live", *PATIENT, *live, cwd=folder) as run:
         run.wait_for("no plan: nothing moves until `rigtwin plan run PLAN`")
-        run.wait_for("sample")
+        run.wait_for("| idle")
         armed = rigtwin("command", "arm", cwd=folder)
         assert (armed.returncode, armed.stdout) == (
             1,
