@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 
 from daq import protection
 from daq.answers import Answers
-from daq.backend import Backend, EnableOutput, Output, OutputRefused, Reading, RestOutput, TruthSource
+from daq.backend import (
+    Backend,
+    EnableOutput,
+    FaultTarget,
+    Output,
+    OutputRefused,
+    Reading,
+    RestOutput,
+    TruthSource,
+)
 from daq.commanding.commands import CommandError, Commands, Situation
 from daq.continuity import Continuity, DriftWatch
 from daq.envelope import Envelope, EnvelopeError, Present
@@ -24,6 +33,7 @@ from daq.rig import Rig
 from daq.shaft import Shaft
 from daq.stream import Stream
 from daq.timing import StartTime, start_timed
+from simulator.faults import Fault
 
 AT_REST = 0.2 * tau
 """rad/s below which the rotor counts as at rest."""
@@ -295,6 +305,8 @@ class Acquisition:
             self._reset()
         if decision.output:
             sample = self._write(decision.output, decision.at_sample)
+        if decision.fault:
+            self._inject(decision.fault)
         if command.name == "record":
             self._record(command.texts["switch"] == "on")
         if command.name in ("stop", "trip"):
@@ -341,6 +353,12 @@ class Acquisition:
         sample = self._write(RestOutput(self.rig.safe_state.ramp))
         self._disarm()
         return sample
+
+    def _inject(self, fault: Fault) -> None:
+        """Let something go wrong with an emulated rig."""
+        if not isinstance(self._backend, FaultTarget):
+            raise CommandError(f"the backend {self.rig.acquisition.backend} takes no faults")
+        self._backend.inject(fault)
 
     def _disarm(self) -> None:
         """Revoke the lease, and go on recording, which is off for no longer than its holder is there."""

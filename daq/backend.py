@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.rig import Rig
+from simulator.faults import Fault
 from simulator.validation import nearest
 
 ENTRY_POINTS = "rigtwin.backends"
@@ -165,6 +166,14 @@ class TruthSource(Protocol):
 
     def truth(self) -> NDArray[np.float64]:
         """Return the true signals of the last reading, shape (n_signals, n_samples); valid until the next."""
+
+
+@runtime_checkable
+class FaultTarget(Protocol):
+    """A backend with which something can be made to go wrong while it samples, as with an emulator."""
+
+    def inject(self, fault: Fault) -> None:
+        """Let a fault happen, now where its time has passed. Raises `OutputRefused` where it cannot."""
 
 
 BACKENDS: dict[str, tuple[str, str]] = {

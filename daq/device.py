@@ -19,6 +19,7 @@ from daq.backend import BackendError, EnableOutput, RestOutput
 from daq.backends.emulator import Emulator
 from daq.backends.signals import TRUTH
 from daq.rig import Rig, rig_from_text
+from simulator.faults import Fault
 
 PIECE = 0.01
 """s of the rig's time that are simulated at once while it runs down."""
@@ -113,6 +114,9 @@ class Device:
 
     def _do_write(self, output: Any, at_sample: int | None) -> int:
         return self._emulator.write(output, at_sample)
+
+    def _do_inject(self, fault: Fault) -> None:
+        self._emulator.inject(fault)
 
     def _do_stop(self) -> None:
         self._sampling = False

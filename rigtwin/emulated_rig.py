@@ -78,7 +78,7 @@ class EmulatedRig(ABC):
         """Renew the lease no longer, as an operator that hangs."""
         self._lease = ""
 
-    def command(self, name: str, **values: float | str) -> Answer:
+    def command(self, name: str, /, **values: float | str) -> Answer:
         """Give a command as the lease's holder and return the answer; see `accepted` and `text`.
 
         Args:
@@ -88,6 +88,21 @@ class EmulatedRig(ABC):
         texts = {key: value for key, value in values.items() if isinstance(value, str)}
         numbers = {key: float(value) for key, value in values.items() if not isinstance(value, str)}
         return self._ask(Command(name=name, who=WHO, lease=self._lease, values=numbers, texts=texts))
+
+    def inject(self, kind: str, *, after: float = 0.0, **more: float | str) -> None:
+        """Let something go wrong from now on, or `after` so many s of the rig's time.
+
+        Args:
+            kind: as in a row `[[emulator.fault]]`: `open`, `stuck`, `unbalance-step`, `dropped`, ...
+            after: s from the present sample to the fault's first.
+            more: what such a row has besides: `channel`, `size`, `duration`, ...
+
+        Raises:
+            ValueError: the rig cannot have it; the message says why.
+        """
+        answer = self.command("inject", kind=kind, after=after, **more)
+        if not answer.accepted:
+            raise ValueError(answer.text)
 
     def signals(self, *names: str) -> Signals:
         """Return all samples so far of some channels, or of all: `.samples` (n_channels, n_samples), SI."""

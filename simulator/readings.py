@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator.compile import kernel
-from simulator.faults import Fault, FaultKind, Span, edges, schedule
+from simulator.faults import Fault, FaultKind, Span, edges, schedule, span_of
 from simulator.instruments import Probe
 from simulator.numeric import sine_cosine
 from simulator.rig import RigError
@@ -42,6 +42,18 @@ class Readings:
         self._memory = sum(map(lag_of, faults))  # samples of the past that are needed
         self._past: Signals | None = None
         self._held: dict[int, float] = {}  # reading of a stuck channel, by fault
+
+    def add_fault(self, fault: Fault) -> None:
+        """Have one more fault, from a sample on that is still to come. Raises `RigError`."""
+        row = row_of(fault, [channel.name for channel in self.channels], self.table)
+        self._spans.append(span_of(fault, self.rate))
+        self._rows.append(row)
+        self._edges = edges(self._spans)
+        lag = lag_of(fault)
+        self._memory += lag
+        if self._past is not None and lag:
+            oldest = np.repeat(self._past[:, :1], lag, axis=1)
+            self._past = np.concatenate((oldest, self._past), axis=1) if oldest.size else None
 
     def read(self, signals: Signals, first_sample: int, raw: Signals) -> bool:
         """Fill `raw` (n_channels, n) from true signals (17, n); return whether an input was clipped.

@@ -9,7 +9,7 @@ from simulator.candidates import DAMPING_FACTOR, candidates_of, for_kernels
 from simulator.checks import check_bearing
 from simulator.drive import set_point
 from simulator.equilibrium import static_state
-from simulator.faults import Fault, damaged_at, edges, schedule
+from simulator.faults import Fault, damaged_at, edges, schedule, span_of
 from simulator.flight_map import flight_of
 from simulator.rig import (
     DampingMode,
@@ -105,6 +105,14 @@ class Simulation:
         """Go on with another model of the rig, and its faults, from the next sample on. Raises `RigError`."""
         self.whole = checked(model)
         self._damage()
+
+    def add_fault(self, fault: Fault) -> None:
+        """Have one more fault of the rig, from a sample on that is still to come. Raises `RigError`."""
+        span = span_of(fault, self.rate)
+        faults = sorted([*self._faults, span], key=lambda each: each.begin)
+        checked(damaged_at(self.whole, faults, span.begin))
+        self._faults = faults
+        self._edges = sorted({*self._edges, *edges([span])})
 
     def _damage(self) -> None:
         """Let the model be that of the rig with what acts on it now."""

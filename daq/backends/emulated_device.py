@@ -23,6 +23,7 @@ from daq.backend import (
 )
 from daq.backends.signals import TRUTH, TRUTH_UNITS
 from daq.rig import Rig
+from simulator.faults import Fault
 from simulator.validation import Quantity, tuple_at
 
 if TYPE_CHECKING:
@@ -114,6 +115,11 @@ class EmulatedDevice:
         self._running()
         sample: int = self._ask("write", output, at_sample)
         return sample
+
+    def inject(self, fault: Fault) -> None:
+        """Let something more go wrong with the device or its rig. Raises `OutputRefused` where it cannot."""
+        self._running()
+        self._ask("inject", fault)
 
     def stop(self) -> None:
         """End sampling; the emulated rig ends with it."""

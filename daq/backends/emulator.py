@@ -14,16 +14,17 @@ from daq.backend import (
     EnableOutput,
     HitOutput,
     Output,
+    OutputRefused,
     PastSampleError,
     Reading,
     RestOutput,
     SpeedOutput,
 )
-from daq.backends.mishaps import DeviceClock, Mishaps
+from daq.backends.mishaps import TIMING, DeviceClock, Mishaps
 from daq.backends.signals import TRUTH, TRUTH_UNITS
 from daq.messages import BlockStatus
-from daq.rig import Rig
-from simulator.faults import of_device, of_rig, of_sensor
+from daq.rig import Rig, RigError
+from simulator.faults import Fault, FaultKind, of_device, of_rig, of_sensor
 from simulator.readings import Readings
 from simulator.sensors import sensor_table
 from simulator.simulation import Simulation, SimulationError
@@ -170,6 +171,24 @@ class Emulator:
         """Let an output take effect at a sample that is still to be computed, without any latency."""
         heappush(self._pending, (sample, self._written, output))
         self._written += 1
+
+    def inject(self, fault: Fault) -> None:
+        """Let something more go wrong, now or later. Raises `OutputRefused` where it cannot."""
+        simulation, rate = self._running(), self._opened().acquisition.rate
+        fault = fault._replace(at=max(fault.at, self.clock() / rate))
+        try:
+            if of_rig(fault):
+                simulation.add_fault(fault)
+            elif of_sensor(fault):
+                self._readings.add_fault(fault)
+            elif fault.kind in TIMING and not self.capabilities.paced:
+                raise RigError("a device in virtual time has no clock: it can be neither late nor fast")
+            elif fault.kind == FaultKind.CLOCK_DRIFT:
+                self._clock.add(fault)
+            else:
+                self._mishaps.add(fault, self._next)
+        except RigError as error:
+            raise OutputRefused(str(error)) from error
 
     def stop(self) -> None:
         """End sampling; the simulated rig ends with it."""

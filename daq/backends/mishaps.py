@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.backend import BackendError, Reading
-from simulator.faults import Fault, FaultKind, Span, edges, schedule
+from simulator.faults import Fault, FaultKind, Span, edges, schedule, span_of
 
 TIMING = (FaultKind.LATE, FaultKind.CLOCK_DRIFT)
 """Faults that a device which does not live by the host's clock cannot have."""
@@ -25,17 +25,23 @@ class DeviceClock:
         self.origin = origin  # s at which sample 0 would have been at the present pace
         self.pace = rate
         drifts = [fault for fault in faults if fault.kind == FaultKind.CLOCK_DRIFT]
-        spans = schedule(drifts, rate)
-        self._paces = [(sample, pace_at(spans, sample)) for sample in edges(spans)]
+        self._drifts = schedule(drifts, rate)
+        self._edges = edges(self._drifts)  # samples at which the pace is still to change
         self._rate = rate
+
+    def add(self, drift: Fault) -> None:
+        """Have one more drift, from a sample on that is still to come."""
+        span = span_of(drift, self._rate)
+        self._drifts = sorted([*self._drifts, span], key=lambda each: each.begin)
+        self._edges = sorted({*self._edges, *edges([span])})
 
     def samples(self, now: float) -> int:
         """Return the number of samples taken until `now` (s of the host's clock)."""
         taken = (now - self.origin) * self.pace
-        while self._paces and taken >= self._paces[0][0]:
-            sample, pace = self._paces.pop(0)
+        while self._edges and taken >= self._edges[0]:
+            sample = self._edges.pop(0)
             then = self.origin + sample / self.pace
-            self.pace = self._rate * pace
+            self.pace = self._rate * pace_at(self._drifts, sample)
             self.origin = then - sample / self.pace
             taken = (now - self.origin) * self.pace
         return int(taken)
@@ -65,6 +71,20 @@ class Mishaps:
         self._memory = np.empty((n_channels, max(repeats, default=0)))
         self._remembered = 0  # samples in memory, at its end
         self._again = 0  # of those, how many are still to be delivered again
+
+    def add(self, fault: Fault, sample: int) -> None:
+        """Have one more fault, not before `sample`, which is still to be delivered.
+
+        A repetition begins at the earliest when as many samples have been delivered as come again.
+        """
+        span = span_of(fault, self._rate)
+        missing = int(fault.size or 0) - self._memory.shape[1]
+        if fault.kind == FaultKind.REPEATED:
+            span = span._replace(begin=max(span.begin, sample + int(fault.size or 0)))
+        if fault.kind == FaultKind.REPEATED and missing > 0:
+            empty = np.empty((len(self._memory), missing))
+            self._memory = np.concatenate((empty, self._memory), axis=1)
+        self._schedule = sorted([*self._schedule, span], key=lambda each: each.begin)
 
     def room(self, sample: int, count: int) -> int:
         """Return how many of `count` samples from `sample` on come before the next fault."""

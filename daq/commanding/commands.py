@@ -11,11 +11,13 @@ from typing import NamedTuple
 from uuid import uuid4
 
 from daq.backend import Capabilities, HitOutput, Output, RestOutput, SpeedOutput, no_pulse
+from daq.commanding import injection
 from daq.messages_pb2 import Command
 from daq.rig import Rig
 from daq.shaft import Motion
+from simulator.faults import Fault, FaultKind
 from simulator.rig import Solenoid
-from simulator.validation import nearest
+from simulator.validation import RigError, nearest, written
 
 COUNTED_PAUSE = 0.025
 """s: most that one pause of the daq itself counts towards the holder's silence, so that a daq that was
@@ -38,6 +40,7 @@ TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "reset": ((), ()),
     "mark": ((), ("text",)),
     "record": ((), ("switch",)),
+    "inject": (injection.NUMBERS, injection.TEXTS),
 }
 """The commands, each with the numbers and the texts that it takes."""
 MOVING = ("arm", "speed", "hit", "reset")
@@ -65,6 +68,7 @@ class Decision(NamedTuple):
     output: Output | None = None
     at_sample: int | None = None
     lease: str = ""
+    fault: Fault | None = None
 
 
 class Commands:
@@ -96,6 +100,7 @@ class Commands:
             "reset": self._reset,
             "mark": self._mark,
             "record": self._record,
+            "inject": self._inject,
         }
 
     @property
@@ -237,6 +242,16 @@ class Commands:
         if switch not in ("on", "off"):
             raise CommandError(f"record takes switch, on or off, not {switch or 'nothing'}")
         return Decision(f"recording {switch}")
+
+    def _inject(self, command: Command, now: Situation) -> Decision:
+        if not self._capabilities.emulated:
+            raise CommandError("this rig is hardware: faults are injected into emulated ones alone")
+        try:
+            fault = injection.fault_of(command, now.sample, self._rig.acquisition.rate)
+        except RigError as error:
+            raise CommandError(str(error)) from error
+        of = f" of {fault.channel}" if fault.channel else ""
+        return Decision(f"fault {written(FaultKind(fault.kind))}{of} from {fault.at:.3f} s on", fault=fault)
 
     def _check_lease(self, command: Command, now: Situation) -> None:
         if now.first_out:
