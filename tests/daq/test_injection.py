@@ -61,7 +61,7 @@ def test_it_begins_now_and_the_rig_is_tripped_by_it():
     (told,) = rig.events("inject")
     assert (told.text, told.details["who"]) == ("test: fault open of force_top from 0.100 s on", "test")
     trip = rig.expect("trip", within=0.1)
-    assert trip.details["cause"] == "sensor force_top"
+    assert trip.details["cause"] == "force"  # what an open input reads
     assert 2500 < trip.sample <= 2500 + 0.02 * 25_000
     rig.close()
 

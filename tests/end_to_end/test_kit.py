@@ -23,7 +23,7 @@ def test_the_example_project_passes_with_the_installed_plugin(tmp_path):
         timeout=300,
     )
     assert result.returncode == 0, result.stdout + result.stderr
-    assert "7 passed" in result.stdout
+    assert "8 passed" in result.stdout
 
 
 def test_a_test_run_that_does_not_use_it_loads_nothing_heavy():
