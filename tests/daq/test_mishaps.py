@@ -12,18 +12,22 @@ from daq.backends.emulator import Emulator
 from daq.backends.mishaps import DeviceClock
 from daq.continuity import Continuity, DriftWatch
 from daq.messages import BlockStatus, decode_series
-from daq.messages_pb2 import Event
+from daq.messages_pb2 import Command, Event
 from daq.rig import RigError, load_rig, rig_from_text
 from simulator.faults import Fault, FaultKind
 
 RATE = 25_000.0
 EVENTS = {"dropped": "gap", "repeated": "repeated", "late": "late", "clock-drift": "clock_drift"}
+SENSORS = ("stuck", "open", "gain")
+"""Kinds of a sensor's fault: stuck, disconnected, saturated by a gain far too large."""
 
 
 def rig_with(*faults):
+    """The shipped rig with faults (kind, at, size); one of a sensor is on `proximity_y`, for 0.3 s."""
     rows = "".join(
         f'\n[[emulator.fault]]\nname = "f{number}"\nkind = "{kind}"\nat = {at}\n'
         + (f"size = {size}\n" if size is not None else "")
+        + ('channel = "proximity_y"\nduration = 0.3\n' if kind in SENSORS else "")
         for number, (kind, at, size) in enumerate(faults)
     )
     return rig_from_text(load_rig("thesis-ball").toml + rows)
@@ -159,22 +163,59 @@ def test_a_fault_that_cannot_be_is_refused(fault, message):
         rig_with(fault)
 
 
-@pytest.mark.parametrize(
-    ("seed", "seconds"), [(1, 12.0), (2, 12.0), pytest.param(3, 600.0, marks=pytest.mark.slow)]
-)
-def test_every_fault_of_a_soak_is_one_event_and_its_number_of_samples(seed, seconds):
-    """One fault a second, at random, and a drifting clock at the end; apart, so that none hides another."""
+def soak_faults(seed, seconds):
+    """One fault a second, each kind equally often, in an order by chance; a drift, and at last the plug."""
     chance = np.random.default_rng(seed)
-    sizes = {"dropped": lambda: chance.integers(1, 5000), "repeated": lambda: chance.integers(1, 900)}
-    sizes["late"] = lambda: round(chance.uniform(0.06, 0.3), 4)
-    faults = [
-        (kind, round(second + chance.uniform(0.0, 0.6), 5), sizes[kind]())
-        for second, kind in enumerate(chance.choice(list(sizes), round(seconds) - 7), start=1)
+    sizes = {
+        "dropped": lambda: chance.integers(1, 5000),
+        "repeated": lambda: chance.integers(1, 900),
+        "late": lambda: round(chance.uniform(0.06, 0.3), 4),
+        "stuck": lambda: None,
+        "open": lambda: None,
+        "gain": lambda: 1e4,  # on a shaft that hangs 1.7 mm low, so that it saturates
+    }
+    kinds = chance.permutation(np.resize(list(sizes), round(seconds) - 7))
+    return [
+        *((kind, round(at + chance.uniform(0.0, 0.6), 5), sizes[kind]()) for at, kind in enumerate(kinds, 1)),
+        ("clock-drift", seconds - 5.0, 30_000),
+        ("unplugged", seconds, None),
     ]
-    run = Run(rig_with(*faults, ("clock-drift", seconds - 5.0, 30_000))).until(seconds)
-    found = Counter(event.kind for event in run.events())
-    assert found == Counter(EVENTS[kind] for kind, *_ in faults) + Counter(start=1, clock_drift=1)
-    assert run.daq.lost == sum(size for kind, _, size in faults if kind == "dropped")
+
+
+@pytest.mark.parametrize(("seed", "seconds"), [(1, 21.0), pytest.param(2, 600.0, marks=pytest.mark.slow)])
+def test_every_fault_of_a_soak_is_one_event_and_its_number_of_samples(seed, seconds):
+    """The faults are apart, so that none hides another; after each trip somebody resets the rig."""
+    faults = soak_faults(seed, seconds)
+    run = Run(rig_with(*faults))
+    resets = sum(resetting(run, second) for second in range(1, round(seconds)))
+    with pytest.raises(BackendError, match="unplugged") as unplugged:
+        run.until(seconds + 1.0)
+    run.daq.fail(str(unplugged.value))
     run.daq.end()
-    told = sum(block.samples.shape[1] for block in run.blocks())
-    assert told + run.daq.lost == run.daq.sample
+
+    of_kind = Counter(kind for kind, *_ in faults)
+    told = Counter(event.kind for event in run.events() if event.kind not in ("warning", "region"))
+    trips = sum(of_kind[kind] for kind in SENSORS)
+    wanted = Counter({EVENTS[kind]: count for kind, count in of_kind.items() if kind in EVENTS})
+    assert told == wanted + Counter(start=1, trip=trips, reset=resets, failure=1, end=1)
+    assert resets == trips
+    assert_warned_of_nothing_else(run.events())
+    assert run.daq.lost == sum(size for kind, _, size in faults if kind == "dropped")
+    published = sum(block.samples.shape[1] for block in run.blocks())
+    assert published + run.daq.lost == run.daq.sample == round(seconds * RATE)
+
+
+def resetting(run, seconds):
+    """Go on, then reset the rig if it has tripped; tell whether it had."""
+    run.until(seconds)
+    return bool(run.daq.first_out) and run.daq.serve(Command(name="reset", who="anna")).accepted
+
+
+def assert_warned_of_nothing_else(events):
+    """A warning only comes beside a trip of the same cause, whose lower level is passed, too."""
+    told = {kind: [] for kind in ("trip", "warning")}
+    for event in events:
+        if event.kind in told:
+            told[event.kind].append((event.sample // round(RATE), event.details["cause"]))
+    assert set(told["warning"]) <= set(told["trip"])
+    assert len(told["warning"]) <= len(told["trip"])

@@ -1,0 +1,41 @@
+"""openDAQ's reference device through the whole chain: acquired, recorded, and watched in a browser."""
+
+import re
+from importlib.util import find_spec
+
+import pytest
+
+from tests.conftest import require
+from tests.end_to_end.rig_process import PATIENT, Running, info, wait_until
+from tests.twin.display_process import CHROMIUM, CHROMIUM_FLAGS, pixels_of
+from twin.display import MEASURED
+
+SECONDS = 60
+RATE = 25_000
+
+
+@pytest.mark.slow
+@pytest.mark.needs_browser
+def test_a_minute_of_the_reference_device_is_recorded_and_watched_without_a_gap(tmp_path):
+    require(find_spec("opendaq") is not None, "opendaq")
+    require(CHROMIUM.exists(), "Debian's chromium")
+    from playwright.sync_api import sync_playwright
+
+    path, errors = tmp_path / "run.mcap", []
+    options = ("--rig", "opendaq-reference", "--duration", SECONDS, "--view", "web", "--record", path)
+    with Running("live", *PATIENT, *options, cwd=tmp_path) as run, sync_playwright() as playwright:
+        run.wait_for("watch it at http://127.0.0.1:")
+        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=list(CHROMIUM_FLAGS))
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(re.search(r"watch it at (\S+)", run.said())[1])
+        wait_until(lambda: pixels_of(page.screenshot(), MEASURED) > 300, "the measurement in the browser")
+        assert run.process.poll() is None  # it was watched while it ran
+        assert run.wait() == 0, run.said()
+        browser.close()
+    assert errors == []
+    assert "twin" not in run.find_children()  # there is no model of these sines
+    found = info(path)
+    assert found["certificate"]["verdict"] == "valid"
+    assert found["gaps"] == []
+    assert found["samples"] >= SECONDS * RATE
