@@ -34,16 +34,28 @@ def rig_with(*faults):
 
 
 class Run:
-    """The daq on a paced emulator, by a clock that the test turns in steps of a read."""
+    """The daq on a paced emulator, by a clock that the test turns in steps of a read.
 
-    def __init__(self, rig, paced=True):
+    Without `keep` the blocks are only counted, so that a run may be long.
+    """
+
+    def __init__(self, rig, paced=True, keep=True):
         self.seconds = 100.0
-        self.published = []
+        self.events, self.blocks, self.n_samples = [], [], 0
         self.backend = Emulator(paced=paced, clock=lambda: self.seconds)
         self.backend.open(rig)
-        self.daq = Acquisition(rig, self.backend, lambda *message: self.published.append(message), run="r")
+        self.daq = Acquisition(rig, self.backend, self._hear, run="r")
         self.daq.begin()
-        self.rig = rig
+        self.rig, self._keep = rig, keep
+
+    def _hear(self, key, payload):
+        if key == keys.event("thesis-ball", "daq"):
+            self.events.append(Event.FromString(payload))
+        elif key == keys.block("thesis-ball"):
+            block = decode_series(payload)
+            self.n_samples += block.samples.shape[1]
+            if self._keep:
+                self.blocks.append(block)
 
     def until(self, seconds):
         step = self.rig.acquisition.read / self.rig.acquisition.rate
@@ -56,18 +68,10 @@ class Run:
                     break
         return self
 
-    def events(self):
-        key = keys.event(self.rig.name, "daq")
-        return [Event.FromString(payload) for topic, payload in self.published if topic == key]
-
-    def blocks(self):
-        key = keys.block(self.rig.name)
-        return [decode_series(payload) for topic, payload in self.published if topic == key]
-
 
 def samples_of(run):
     run.daq.end()
-    return np.concatenate([block.samples for block in run.blocks()], axis=1)
+    return np.concatenate([block.samples for block in run.blocks], axis=1)
 
 
 def assert_begins_as(found, wanted):
@@ -87,7 +91,7 @@ def test_dropped_samples_are_one_gap_of_their_number(whole, paced):
     run = Run(rig_with(("dropped", 0.1001, 777)), paced)
     while run.daq.sample < whole.shape[1]:
         run.until(run.seconds - 100.0 + 0.002) if paced else run.daq.step()
-    (gap,) = [event for event in run.events() if event.kind == "gap"]
+    (gap,) = [event for event in run.events if event.kind == "gap"]
     first = round(0.1001 * RATE)
     assert (int(gap.details["first"]), int(gap.details["last"])) == (first, first + 776)
     assert gap.details["cause"] == "the device skipped samples"
@@ -98,15 +102,15 @@ def test_dropped_samples_are_one_gap_of_their_number(whole, paced):
 
 def test_repeated_samples_are_left_out_and_told_once(whole):
     run = Run(rig_with(("repeated", 0.1, 333))).until(0.5)
-    assert [event.kind for event in run.events()] == ["start", "repeated"]
-    assert run.events()[1].details["samples"] == "333"
+    assert [event.kind for event in run.events] == ["start", "repeated"]
+    assert run.events[1].details["samples"] == "333"
     assert_begins_as(samples_of(run), whole)
 
 
 def test_late_samples_are_told_once_and_all_there(whole):
     run = Run(rig_with(("late", 0.1, 0.2))).until(0.5)
-    assert [event.kind for event in run.events()] == ["start", "late"]
-    assert float(run.events()[1].details["seconds"]) == pytest.approx(0.2, abs=0.005)
+    assert [event.kind for event in run.events] == ["start", "late"]
+    assert float(run.events[1].details["seconds"]) == pytest.approx(0.2, abs=0.005)
     assert_begins_as(samples_of(run), whole)
 
 
@@ -119,9 +123,9 @@ def test_an_unplugged_device_fails_after_its_last_sample():
 
 def test_a_clock_that_drifts_is_told_once():
     run = Run(rig_with(("clock-drift", 1.0, 20_000))).until(6.0)
-    assert [event.kind for event in run.events()] == ["start", "clock_drift"]
+    assert [event.kind for event in run.events] == ["start", "clock_drift"]
     # 50 ms apart at 2 % takes 2.5 s after 1 s without: 50 ms in 3.5 s
-    assert float(run.events()[1].details["ppm"]) == pytest.approx(0.05 / 3.5 * 1e6, rel=0.02)
+    assert float(run.events[1].details["ppm"]) == pytest.approx(0.05 / 3.5 * 1e6, rel=0.02)
     assert run.backend.clock() == pytest.approx((1.0 + 5.0 * 1.02) * RATE, abs=51 * 1.02)
 
 
@@ -186,7 +190,7 @@ def soak_faults(seed, seconds):
 def test_every_fault_of_a_soak_is_one_event_and_its_number_of_samples(seed, seconds):
     """The faults are apart, so that none hides another; after each trip somebody resets the rig."""
     faults = soak_faults(seed, seconds)
-    run = Run(rig_with(*faults))
+    run = Run(rig_with(*faults), keep=False)
     resets = sum(resetting(run, second) for second in range(1, round(seconds)))
     with pytest.raises(BackendError, match="unplugged") as unplugged:
         run.until(seconds + 1.0)
@@ -194,15 +198,14 @@ def test_every_fault_of_a_soak_is_one_event_and_its_number_of_samples(seed, seco
     run.daq.end()
 
     of_kind = Counter(kind for kind, *_ in faults)
-    told = Counter(event.kind for event in run.events() if event.kind not in ("warning", "region"))
+    told = Counter(event.kind for event in run.events if event.kind not in ("warning", "region"))
     trips = sum(of_kind[kind] for kind in SENSORS)
     wanted = Counter({EVENTS[kind]: count for kind, count in of_kind.items() if kind in EVENTS})
     assert told == wanted + Counter(start=1, trip=trips, reset=resets, failure=1, end=1)
     assert resets == trips
-    assert_warned_of_nothing_else(run.events())
+    assert_warned_of_nothing_else(run.events)
     assert run.daq.lost == sum(size for kind, _, size in faults if kind == "dropped")
-    published = sum(block.samples.shape[1] for block in run.blocks())
-    assert published + run.daq.lost == run.daq.sample == round(seconds * RATE)
+    assert run.n_samples + run.daq.lost == run.daq.sample == round(seconds * RATE)
 
 
 def resetting(run, seconds):
