@@ -10,7 +10,7 @@ import pytest
 
 from daq import keys
 from daq.link import Inbox, Link, free_ports
-from daq.messages_pb2 import Answer, Command, Event, Status
+from daq.messages_pb2 import Answer, Command, Event, Status, Summary
 from daq.rig import load_rig, with_ports
 
 PATIENCE = 60.0  # s; bound on every wait
@@ -32,7 +32,7 @@ duration = 0.2
 """
 
 
-PATIENT = "command.lease=1"  # s: a busy machine may hold an operator up for longer than the shipped 0.1 s
+LEASE = 1.0  # s: a busy machine may hold an operator up for longer than the shipped 0.1 s
 
 
 class Site:
@@ -40,7 +40,7 @@ class Site:
 
     def __init__(self, folder):
         self.folder = folder
-        self.rig = with_ports(load_rig("thesis-ball", [PATIENT]), free_ports(4))
+        self.rig = with_ports(load_rig("thesis-ball", [f"command.lease={LEASE}"]), free_ports(4))
         self.toml = folder / "rig.toml"
         self.toml.write_text(self.rig.toml, encoding="utf-8")
         self.processes = []
@@ -70,6 +70,17 @@ class Site:
                 if (self.events[-1].source, self.events[-1].kind) == (source, kind):
                     return self.events[-1]
         pytest.fail(f"no event {kind} of {source}; there were {[event.text for event in self.events]}")
+
+    def run_on(self, seconds):
+        """Wait until so many seconds of samples have been summarised."""
+        summaries = Inbox(1000, "drop_oldest")
+        subscription = self.link.subscribe(keys.summary(self.rig.name), summaries)
+        samples, enough = 0, None
+        while enough is None or samples < enough:
+            _, payload = summaries.get(PATIENCE)
+            samples = Summary.FromString(payload).first_sample
+            enough = enough or samples + seconds * self.rig.acquisition.rate
+        subscription.close()
 
     def ask(self, name, **values):
         """Send a command to the operator, as `rigtwin command` does."""
@@ -128,7 +139,7 @@ def test_person_moves_the_rig_through_the_operator(staffed):
     assert site.ask("speed", speed_hz=2.0).text == "the rig is not armed: arm it first"
     assert site.ask("arm").accepted
     assert site.ask("speed", speed_hz=2.0).accepted
-    time.sleep(0.5)  # five times what the daq lets a silent holder have
+    site.run_on(1.5 * LEASE)
     assert site.ask("hit", force=5.0, duration=0.01).accepted
     assert site.ask("stop").accepted
     assert not site.ask("hit", force=5.0, duration=0.01).accepted

@@ -32,13 +32,15 @@ class Terminal:
     def press(self, key: str) -> None:
         os.write(self.own, key.encode())
 
-    def wait_for(self, text: str) -> None:
-        """Read on until it has printed `text`; forget all up to there."""
+    def wait_for(self, *texts: str) -> str:
+        """Read on until it has printed one of `texts`; forget all up to there, and return which."""
         deadline = time.monotonic() + PATIENCE
-        while text not in self.said:
-            assert time.monotonic() < deadline, f"{text!r} was not printed: ...{self.said[-500:]}"
+        while not (found := [text for text in texts if text in self.said]):
+            assert time.monotonic() < deadline, f"{texts} were not printed: ...{self.said[-500:]}"
             self.read()
+        text = min(found, key=self.said.index)
         self.said = self.said.partition(text)[2]
+        return text
 
     def read(self) -> None:
         time.sleep(0.02)
@@ -80,9 +82,9 @@ def test_keys_and_commands_steer_it(tmp_path, replaying):
     replaying.wait_for("at 0.000 s, paused in a loop")
     replaying.press("-")
     replaying.wait_for("at 0.5 times real time")
-    time.sleep(0.3)  # for the status that says that it is paused
     replaying.press(" ")
-    replaying.wait_for("going on from 0.")
+    while replaying.wait_for("going on from 0.", "paused at ") != "going on from 0.":
+        replaying.press(" ")  # pressed before the status that says that it is paused, it paused once more
     armed = rigtwin("command", "arm", cwd=tmp_path)
     assert armed.returncode == 2
     assert "is a replay, in which nothing moves: its commands are pause, resume" in armed.stderr
