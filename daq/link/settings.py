@@ -13,6 +13,9 @@ ENDPOINT = re.compile(r"[a-z][a-z0-9_-]*/[^/\s]+:\d{1,5}([?#].*)?")
 RETRY = {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 2.0}
 QUEUES = {"data": 16, "data_low": 16}
 """Batches a link holds back for a slow subscriber; with zenoh's 2, healthy subscribers lose blocks."""
+OPEN_MS = 2000
+"""How long whoever listens at an endpoint may take to show that it speaks zenoh, before it is tried again.
+With zenoh's 10 s, a port that another program has holds up everyone who connects to it, and their end."""
 PATIENCE_US = 24 * 3600 * 1_000_000
 """How long a waiting publisher stands a subscriber that takes nothing."""
 EPHEMERAL_RANGE = Path("/proc/sys/net/ipv4/ip_local_port_range")
@@ -46,6 +49,7 @@ def settings(
         "connect/retry": RETRY,
         "open/return_conditions/declares": False,
         "transport/shared_memory/enabled": False,
+        "transport/unicast/open_timeout": OPEN_MS,
         "transport/link/tx/lease": lease_ms,
     }
     for queue, size in QUEUES.items():

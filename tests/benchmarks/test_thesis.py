@@ -78,7 +78,7 @@ def test_extremes_keep_the_sign_of_the_largest():
 
 
 def test_results_are_kept_until_something_changes(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("benchmarks.thesis_cache.user_cache", lambda: tmp_path)  # not that of the kernels
     job = Job(drop_test, (model("thesis-ball"),))
     first = performed({"drop": job}, 1)["drop"]
     kept = list((tmp_path / "rigtwin" / "thesis").iterdir())

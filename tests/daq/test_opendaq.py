@@ -58,7 +58,7 @@ def stream(path, seconds):
     return rig
 
 
-@pytest.mark.parametrize("seconds", [4.0, pytest.param(60.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seconds", [2.0, pytest.param(60.0, marks=pytest.mark.slow)])
 def test_streams_into_a_recording_without_a_gap(tmp_path, seconds):
     rig = stream(tmp_path / "run.mcap", seconds)
     with Recording(tmp_path / "run.mcap") as recording:

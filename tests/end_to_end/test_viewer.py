@@ -26,7 +26,7 @@ def test_killed_display_is_started_again_and_costs_no_sample(tmp_path):
     assert found["certificate"]["verdict"] == "valid"
 
 
-@pytest.mark.parametrize("seconds", [5, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seconds", [2, pytest.param(60, marks=pytest.mark.slow)])
 def test_stopped_display_costs_no_sample_and_slows_nobody(tmp_path, seconds):
     path = tmp_path / "run.mcap"
     options = ("--plan", "none", "--view", "web")
