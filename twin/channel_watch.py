@@ -70,6 +70,10 @@ class ChannelWatch:
                 faults += self._once(index, "noise", float(rms[index]), window.first_sample)
         return faults
 
+    def forgive(self, name: str) -> None:
+        """Let the faults of a channel be news again."""
+        self._told -= {index for index, channel in enumerate(self._channels) if channel.name == name}
+
     def _once(self, index: int, kind: str, size: float, onset: int) -> list[Fault]:
         """Return a fault of a channel of which none was told."""
         if index in self._told:

@@ -16,6 +16,7 @@ from twin.fault import Fault
 from twin.findings import Findings, RegimeChange
 from twin.health import Health
 from twin.observer import Observer
+from twin.trust import Change, Trust
 
 SOURCE = "twin"
 RECORDING_OFF = int(BlockStatus.RECORDING_OFF)
@@ -49,6 +50,7 @@ class Twin:
         self._passed_over = False  # whether the last block was not to be recorded
         self._findings = Findings(rig)
         self._health = Health(rig, self.observer.tuning)
+        self._trust = Trust(self.observer)
         self._first_out = ""
         self._rate = rig.acquisition.rate
         self._t0 = t0_ns * 1e-9
@@ -74,7 +76,9 @@ class Twin:
         estimated = self.observer.update(block)
         messages = self._events(estimated, NOT_RECORDED if self._passed_over else cause)
         self._passed_over = False
-        messages += [self._fault(fault, estimated) for fault in self._health.add(block, estimated)]
+        faults = self._health.add(block, estimated)
+        messages += [self._fault(fault, estimated) for fault in faults]
+        messages += [self._changed(change) for change in self._trust.add(block, estimated, faults)]
         messages.append(self._estimate(estimated))
         self._findings.add(estimated)
         self.samples += estimated.n_samples
@@ -153,6 +157,16 @@ class Twin:
         sample = estimated.first_sample + estimated.n_samples - 1
         details = {**fault._asdict(), "first_out": self._first_out}
         return self._event("sensor_fault" if fault.channel else "rig_fault", text, sample, WARNING, details)
+
+    def _changed(self, change: Change) -> tuple[str, bytes]:
+        """Return the event of a sensor that is left out or taken in again; the watches follow suit."""
+        self._health.believe(change.channel, not change.left_out)
+        details = {"channel": change.channel, "from": change.sample}
+        if change.left_out:
+            text = f"{change.channel} is left out: the estimate goes on without it, and is less certain"
+            return self._event("left_out", text, change.sample - 1, WARNING, details)
+        text = f"{change.channel} agrees with the estimate again and is taken in"
+        return self._event("taken_in", text, change.sample - 1, INFO, details)
 
     def _event(
         self,

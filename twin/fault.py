@@ -12,10 +12,13 @@ class Fault(NamedTuple):
     unit: str
     confidence: float  # 0 to 1, among the faults that are known
     onset: int  # sample since when, about
+    pin: int = 0  # number of the pin, counted with rotation from 1; 0: it is no pin's
 
     def __str__(self) -> str:
         """Say what it is in a sentence's middle."""
-        said = SENTENCES[self.kind].format(size=self.size, unit=self.unit)
+        said = SENTENCES[self.kind].format(size=self.size, unit=self.unit, pin=self.pin)
+        if self.kind == "pin" and self.confidence < CLEAR:
+            said += PERHAPS
         return f"{self.channel} {said}" if self.channel else said
 
 
@@ -30,5 +33,7 @@ SENTENCES = {
     "unbalance": "the unbalance has changed by {size:.3g} {unit}",
     "magnet": "the magnetic bearing is lost: it carries {size:.0%} of what it should",
     "clearance": "the backup bearing's clearance has changed by {size:.3g} {unit}",
-    "pin": "one pin stands {size:.3g} {unit} farther out than it did: it is worn",
+    "pin": "pin {pin} stands {size:.3g} {unit} farther out than it did: it is worn",
 }
+PERHAPS = ", or the clearance has changed: no other pin was hit since then"
+CLEAR = 0.9  # confidence from which that is not said

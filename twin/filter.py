@@ -9,6 +9,7 @@ from simulator.dynamics import Tick
 from simulator.rig import Model
 from twin.correction import correct
 from twin.fallback import measured_tilt
+from twin.lateness import begin_way, end_way, forget_ways, way_since
 from twin.layout import (
     DYNAMIC,
     HOUSE,
@@ -25,7 +26,7 @@ from twin.layout import (
 )
 from twin.parameters import bound
 from twin.prediction import predict
-from twin.tracking import lock, track
+from twin.tracking import ANGLE, SPEED, lock, track
 from twin.virtual import report
 
 PLACE_DOUBT = 2e-6  # rad, of the tilt where the observer starts from one reading
@@ -71,10 +72,13 @@ def observe(
         if k >= start:
             moment_x, moment_y = solenoid_moment(feeds, samples, k)
             mean_x, mean_y = 0.5 * (moment_x + last_moment[0]), 0.5 * (moment_y + last_moment[1])
+            begin_way(memory)
             predict(model, tick, memory, tuning, mean_x, mean_y)
+            end_way(memory)
             last_moment[0] = moment_x
             last_moment[1] = moment_y
-            track(memory.shaft, feeds.sense * samples[feeds.angle, k], tick.length)
+            angle = feeds.sense * samples[feeds.angle, k] + memory.shaft[SPEED] * feeds.late
+            track(memory.shaft, angle, tick.length)
         column = k // stride if k % stride == 0 else -1
         correct_all(memory, sensors, samples, k, column, residuals, tally)
         bound(model, memory.state)
@@ -113,6 +117,9 @@ def correct_all(
             continue
         columns, weights = sensors.columns[i], sensors.weights[i]
         innovation = reading - weights[0] * state[columns[0]] - weights[1] * state[columns[1]]
+        if sensors.late[i] > 0.0:
+            innovation += weights[0] * way_since(memory, columns[0], sensors.late[i])
+            innovation += weights[1] * way_since(memory, columns[1], sensors.late[i])
         if column >= 0:
             residuals[i, column] = innovation
         tally.squares[i] += innovation * innovation
@@ -135,6 +142,7 @@ def restart(memory: Memory, sensors: Sensors, feeds: Feeds, samples: np.ndarray,
     the doubt that this deserves. Unbalance, static moment and parameters keep value and doubt.
     """
     lock(memory.shaft, samples[feeds.angle], feeds.sense, step)
+    memory.shaft[ANGLE] += memory.shaft[SPEED] * feeds.late
     forget_motion(memory)
     tilt = memory.vector_work
     measured_tilt(sensors, samples, 0, tilt)
@@ -160,3 +168,4 @@ def forget_motion(memory: Memory) -> None:
         memory.covariance[HOUSE_RATE + axis, HOUSE_RATE + axis] = HOUSE_RATE_DOUBT**2
     memory.covariance[RING, RING] = RING_DOUBT**2
     memory.surprise[0] = 1.0
+    forget_ways(memory)

@@ -27,8 +27,14 @@ class Health:
         noises = {"displacement": tuning.displacement_noise, "force": tuning.force_noise}
         self._windows = Windows(rig)
         self._channels = ChannelWatch(rig, noises)
-        self._watches = (ProbeWatch(rig, tuning.displacement_noise), TransducerWatch(rig), RigWatch(rig))
+        self._watches = (
+            (ProbeWatch(rig, tuning.displacement_noise), {"displacement"}),
+            (TransducerWatch(rig), {"force"}),
+            (RigWatch(rig), {"displacement", "force"}),
+        )
         self._told: set[tuple[str, str]] = set()
+        self._quantities = {channel.name: channel.quantity for channel in rig.channels}
+        self._doubted: set[str] = set()
 
     def add(self, block: Series, estimated: Estimated) -> list[Fault]:
         """Take in the next block with its estimate."""
@@ -41,18 +47,32 @@ class Health:
             found += self._judge(window)
         return [fault for fault in found if self._is_news(fault)]
 
+    def believe(self, channel: str, good: bool) -> None:
+        """Take note that a sensor is left out (not `good`) or taken in again, when its faults are news again.
+
+        While one is left out, watches that need all sensors of its quantity do not judge.
+        """
+        if not good:
+            self._doubted.add(channel)
+            return
+        self._doubted.discard(channel)
+        self._told = {(kind, name) for kind, name in self._told if name != channel}
+        self._channels.forgive(channel)
+        self._forget()
+
     def _judge(self, window: Window) -> list[Fault]:
         """Return what a window proves."""
         if noisy := self._channels.judge(window):
             return noisy
-        for watch in self._watches:
-            if found := watch.add(window):
+        doubted = {self._quantities[name] for name in self._doubted}
+        for watch, needs in self._watches:
+            if not needs & doubted and (found := watch.add(window)):
                 self._forget()
                 return found
         return []
 
     def _forget(self) -> None:
-        for watch in self._watches:
+        for watch, _ in self._watches:
             watch.forget()
 
     def _is_news(self, fault: Fault) -> bool:

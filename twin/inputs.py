@@ -9,7 +9,7 @@ from daq.rig.channels import Channel
 from daq.shaft import ENCODER, sense_of
 from simulator.rig import Solenoid
 from simulator.sensors import CURRENT
-from twin.layout import HOUSE, TILT, Feeds, Sensors, Tuning
+from twin.layout import HOUSE, LONGEST, TILT, Feeds, Sensors, Tuning
 
 LEAST_CROSSING = 0.1  # determinant of the probes' directions below which they lie in one line
 
@@ -19,7 +19,7 @@ def sensors_of(rig: Rig, tuning: Tuning) -> Sensors:
     assert rig.model is not None
     stiffness = rig.model.housing.transducer_stiffness
     rows = [
-        sensor_row(index, channel, stiffness, tuning)
+        sensor_row(index, channel, stiffness, tuning, late_ticks(rig, channel))
         for index, channel in enumerate(rig.channels)
         if channel.quantity in ("displacement", "force") and channel.station is not None
     ]
@@ -32,15 +32,28 @@ def sensors_of(rig: Rig, tuning: Tuning) -> Sensors:
     return Sensors(*(np.array(values) for values in zip(*rows, strict=True)))
 
 
-def sensor_row(index: int, channel: Channel, stiffness: float, tuning: Tuning) -> tuple:
-    """Return one sensor: row in the block, states, weights, variance and the range in which it is used."""
+def sensor_row(index: int, channel: Channel, stiffness: float, tuning: Tuning, late: float) -> tuple:
+    """Return one sensor: row in the block, states, weights, variance, range in which it is used, delay."""
     assert channel.angle_deg is not None
     assert channel.station is not None
     direction = np.array([cos(radians(channel.angle_deg)), sin(radians(channel.angle_deg))])
     low, high = sorted((end - channel.offset) / channel.sensitivity for end in channel.ok or channel.range)
     if channel.quantity == "displacement":
-        return index, (TILT, TILT + 1), channel.station * direction, tuning.displacement_noise**2, low, high
-    return index, (HOUSE, HOUSE + 1), stiffness * direction, tuning.force_noise**2, low, high
+        columns, weights, noise = (TILT, TILT + 1), channel.station * direction, tuning.displacement_noise
+    else:
+        columns, weights, noise = (HOUSE, HOUSE + 1), stiffness * direction, tuning.force_noise
+    return index, columns, weights, noise**2, low, high, late
+
+
+def late_ticks(rig: Rig, channel: Channel) -> float:
+    """Return by how many ticks a channel's readings are late. Raises `RigError` for more than are kept."""
+    late = channel.delay_s * rig.acquisition.rate
+    if late > LONGEST:
+        raise RigError(
+            f"{rig.name}: [[channel]] {channel.name} delay_s = {channel.delay_s:g} s is {late:.0f} samples; "
+            f"the twin can make up for {LONGEST} at most, {LONGEST / rig.acquisition.rate:g} s"
+        )
+    return late
 
 
 def feeds_of(rig: Rig) -> Feeds:
@@ -57,6 +70,7 @@ def feeds_of(rig: Rig) -> Feeds:
         sense_of(rig),
         np.array(currents, dtype=np.int64),
         np.array(moments, dtype=np.float64).reshape(-1, 2),
+        rig.channels[ENCODER].delay_s,
     )
 
 

@@ -28,6 +28,7 @@ DYNAMIC = 9  # states with equations of motion; those behind them are slow, or p
 CONTACT_PARAMETERS = 4  # from STIFFNESS on
 FREE_INPUTS = 4  # of the dynamic states: moment along x, y (N m), residual force along x, y (N)
 INPUTS = FREE_INPUTS + CONTACT_PARAMETERS  # in contact its parameters act as well
+LONGEST = 64  # ticks by which a reading may be late
 LARGEST_LOG = 1.2  # of a contact parameter: it may be a third or three times the described one
 LARGEST_CLEARANCE = 0.5  # of the described clearance: how much it may differ from that
 LARGEST_MAGNET = 1.0  # of the magnetic bearing's changes: it may be lost, or twice the described one
@@ -66,6 +67,7 @@ class Sensors(NamedTuple):
     variance: np.ndarray  # (n,) of the noise
     low: np.ndarray  # (n,) a reading below is not used
     high: np.ndarray  # (n,) a reading above is not used
+    late: np.ndarray  # (n,) ticks by which a reading is late
 
 
 class Feeds(NamedTuple):
@@ -75,6 +77,7 @@ class Feeds(NamedTuple):
     sense: float  # 1 when that angle grows from x towards y, else -1
     currents: np.ndarray  # (m,) int, rows of the solenoids' currents
     moments: np.ndarray  # (m, 2) N m per A, along x and y
+    late: float  # s by which the angle is late
 
 
 class Memory(NamedTuple):
@@ -95,6 +98,8 @@ class Memory(NamedTuple):
     surprise: np.ndarray  # (1,) innovations' squares over their expectation, mean of some ten ticks
     energy: np.ndarray  # (3,) J lost in the contact, its standard deviation, 1 while open
     weight: np.ndarray  # (2,) N m, moment of the rotor's weight along x, y
+    ways: np.ndarray  # (LONGEST, 4) way of tilt and house in each of the last ticks, see `twin.lateness`
+    latest: np.ndarray  # (1,) int, row of `ways` that the last tick is in
     rates: np.ndarray  # (DYNAMIC, DYNAMIC) scratch
     free_inputs: np.ndarray  # (DYNAMIC, FREE_INPUTS) scratch
     inputs: np.ndarray  # (DYNAMIC, INPUTS) scratch
@@ -127,6 +132,8 @@ def new_memory() -> Memory:
         surprise=np.ones(1),
         energy=np.array([0.0, 0.0, 1.0]),
         weight=np.zeros(2),
+        ways=np.zeros((LONGEST, 4)),
+        latest=np.zeros(1, dtype=np.int64),
         rates=np.zeros((DYNAMIC, DYNAMIC)),
         free_inputs=np.zeros((DYNAMIC, FREE_INPUTS)),
         inputs=np.zeros((DYNAMIC, INPUTS)),

@@ -26,6 +26,9 @@ shaft flies the gain is that of a gentle linear filter, in contact it knows how 
 derivation and the measured accuracy are in docs/explanation/observer.md.
 """
 
+from copy import deepcopy
+from typing import NamedTuple
+
 import numpy as np
 
 from daq.messages import TIMING_FLAGS, Series
@@ -36,6 +39,7 @@ from simulator.simulation import checked
 from simulator.tick import tick_of
 from twin.estimate import STRIDE, Estimated, EstimateStatus
 from twin.fallback import (
+    Fallback,
     fallback_of,
     follow,
     forget,
@@ -56,6 +60,7 @@ from twin.layout import (
     MOMENT,
     SIZE,
     STIFFNESS,
+    TILT,
     UNBALANCE,
     Memory,
     Tuning,
@@ -71,6 +76,17 @@ LOST_MAGNET_DOUBT = (
 )
 UNBALANCE_PRIOR = 2.0  # times the described unbalance: how large the true one may be
 MOMENT_PRIOR = 0.2  # of the described static moment
+
+
+class Saved(NamedTuple):
+    """What an observer knows at the end of a block, to go back to."""
+
+    memory: Memory
+    fallback: Fallback
+    expected: int | None
+    settled_from: int
+    lost: bool
+    moment: np.ndarray  # (2,) N m, of the solenoids at the last sample
 
 
 class Observer:
@@ -135,6 +151,40 @@ class Observer:
         return (
             identified(self.described, self.memory, self._first),
             not_told(self.memory, self._first),
+        )
+
+    def saved(self) -> Saved:
+        """Return what it knows now. Which sensors are left out is no part of that."""
+        now = self.memory, self.fallback, self.expected, self._settled_from, self._lost, self._moment
+        return Saved(*deepcopy(now))
+
+    def go_back(self, saved: Saved) -> None:
+        """Go back to what it knew; the next block is the one that came then."""
+        self.memory, self.fallback, self.expected, self._settled_from, self._lost, self._moment = deepcopy(
+            saved
+        )
+
+    def can_do_without(self, name: str) -> bool:
+        """Tell whether there is another sensor of the rotor's place, or the sensor is none."""
+        sees = (self.sensors.columns[:, 0] == TILT) & np.isfinite(self.sensors.low)
+        sees[self.sensor_names.index(name)] = False
+        return bool(sees.any())
+
+    def leave_out(self, name: str) -> None:
+        """Correct by a sensor no more."""
+        self.sensors.low[self.sensor_names.index(name)] = np.inf  # no reading is above it
+
+    def take_in(self, name: str) -> None:
+        """Correct by a sensor that was left out again."""
+        index = self.sensor_names.index(name)
+        self.sensors.low[index] = sensors_of(self.rig, self.tuning).low[index]
+
+    def variance_of(self, index: int) -> float:
+        """Return the variance of a sensor's innovation at the last sample, in its unit squared."""
+        columns, weights = self.sensors.columns[index], self.sensors.weights[index]
+        return float(
+            weights @ self.memory.covariance[np.ix_(columns, columns)] @ weights
+            + self.sensors.variance[index]
         )
 
     def _check(self, series: Series) -> None:

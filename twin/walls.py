@@ -77,8 +77,11 @@ class Walls:
             return []
         whole = len(self._depths) == 1 or any(other > 0.5 * change for other in others)
         confidence = SURE if others or len(self._depths) == 1 else UNSURE
+        pin = self._suspect + 1
         self.forget()
-        return [Fault("clearance" if whole else "pin", "", change, "m", confidence, onset)]
+        if whole:
+            return [Fault("clearance", "", change, "m", confidence, onset)]
+        return [Fault("pin", "", change, "m", confidence, onset, pin)]
 
 
 def directed(angle_deg: float) -> np.ndarray:

@@ -51,7 +51,7 @@ class Channel(NamedTuple):
     angle_deg: Annotated[float | None, Quantity("deg", -360.0, 360.0, "direction, from +x towards +y")] = None
     cutoff_hz: Annotated[float | None, Quantity("Hz", 1e-3, 1e9, "of the analogue filter")] = None
     delay_s: Annotated[
-        float, Quantity("s", 0.0, 1.0, "of sensor and filter; for information, not applied")
+        float, Quantity("s", 0.0, 1.0, "of sensor and filter: by how much a reading is late")
     ] = 0.0
     anti_alias: bool = False
     stuck: Annotated[float | None, Quantity("s", 1e-4, 600.0, "unchanged for so long, it is not OK")] = None

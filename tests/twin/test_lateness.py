@@ -1,0 +1,69 @@
+"""Readings that come late by a declared delay: the observer compares them with where things were."""
+
+import numpy as np
+import pytest
+
+from daq.rig import Rig, RigError, load_rig, with_overrides
+from tests.twin.accuracy import observe
+from tests.twin.cases import OVERSAMPLING, hidden_rig
+from tests.twin.emulated import EmulatedRun, emulate, run_up
+from twin.observer import Observer
+
+LATE = {"proximity_y": 6.5, "force_top": 3.0}  # samples
+SETTLED = 200  # blocks
+
+
+@pytest.fixture(scope="module")
+def run() -> EmulatedRun:
+    """A run-up through impacts, two of whose channels are late, by three samples and by six and a half."""
+    rows = ",".join(
+        f'{{name="late",kind="skew",at=0.0,channel="{name}",size={late * OVERSAMPLING}}}'
+        for name, late in LATE.items()
+    )
+    rig = with_overrides(hidden_rig("thesis-ball", "exact", 31), [f"emulator.fault=[{rows}]"])
+    return emulate(rig, run_up(8.0, 13.0, 2.5), oversampling=OVERSAMPLING)
+
+
+def declared(rig: Rig) -> Rig:
+    """Return the rig as one describes it who knows of the delays."""
+    delays = {name: late / rig.acquisition.rate for name, late in LATE.items()}
+    return with_overrides(rig, [f"channel.{name}.delay_s={delay}" for name, delay in delays.items()])
+
+
+def innovations(run: EmulatedRun, rig: Rig) -> dict[str, tuple[float, float]]:
+    """Return for each late channel the innovations' normalised square and their correlation in time."""
+    seen = observe(run, Observer(rig))
+    names, parts = seen.observer.sensor_names, seen.parts[SETTLED:]
+    ratios = np.mean([part.ratios for part in parts], axis=0)
+    found = {}
+    for name in LATE:
+        row = np.concatenate([part.row(f"residual_{name}") for part in parts])
+        found[name] = float(ratios[names.index(name)]), float(np.corrcoef(row[1:], row[:-1])[0, 1])
+    return found
+
+
+def test_with_the_delay_declared_innovations_are_white_and_as_large_as_expected(run):
+    """Over some thousand numbers a correlation of white noise is within 4 / sqrt(n), below 0.06."""
+    for ratio, correlation in innovations(run, declared(run.rig)).values():
+        assert 0.9 < ratio < 1.1
+        assert abs(correlation) < 0.06
+
+
+def test_without_it_they_are_not(run):
+    for ratio, _ in innovations(run, run.rig).values():
+        assert ratio > 1.15
+
+
+def test_a_late_encoder_s_angle_is_taken_back():
+    rig = load_rig("thesis-ball", ["channel.encoder_angle.delay_s=1e-3"])
+    run = emulate(rig, run_up(8.0, 10.0, 20.0, dwell=0.5))
+    seen = observe(run)
+    turned = seen.parts[-1].shaft_angle[-1] - run.truth["angle"][-5]
+    # The emulated encoder is not late: the shaft is taken to be where it will be 1 ms later.
+    assert (turned + np.pi) % (2.0 * np.pi) - np.pi == pytest.approx(1e-3 * 20.0 * np.pi, abs=2e-3)
+
+
+def test_a_delay_that_is_longer_than_what_is_kept_is_refused():
+    rig = load_rig("thesis-ball", ["channel.proximity_x.delay_s=0.01"])
+    with pytest.raises(RigError, match=r"proximity_x delay_s = 0\.01 s is 250 samples"):
+        Observer(rig)
