@@ -32,6 +32,7 @@ from twin.resume import resume, values_at
 
 LATEST = 1e6  # s
 HIT_DURATION = 0.010  # s
+LONGEST_IMPACT = 0.1  # s
 HIT, SPEED = "command.hit", "command.speed"
 TURNS = "encoder_turns"
 
@@ -78,6 +79,7 @@ def fork(
         script = script_of(outputs, rig, first, changes)
         set_point, slope = set_point_at(outputs, first, recorded.acquisition.rate)
         state = state_of(run, recorded, estimate, set_point, slope)
+        closing = closing_speed(run, first)
         description = Description()
         description.CopyFrom(run.description)
         description.run, description.toml = run_of_fork(run.description.run, first), rig.toml
@@ -85,7 +87,7 @@ def fork(
         end = _end(run, first, seconds)
     device = Scripted(script)
     device.open(rig)
-    device.begin_at(first, state, set_point)
+    device.begin_at(first, state, set_point, closing)
     with RecordingWriter(target, description) as writer:
         writer.note("fork", {"source": Path(source).name, "sample": str(first), "changes": " ".join(changes)})
         twin = Twin(rig, description.run, description.t0_ns)
@@ -180,6 +182,25 @@ def state_of(run: RecordedRun, rig: Rig, estimate: Series, set_point: float, slo
         torque = drive.inertia * slope
         values["speed_error_integral"] = (torque - drive.proportional_gain * error) / drive.integral_gain
     return resume(rig.model, values).state
+
+
+def closing_speed(run: RecordedRun, sample: int) -> float:
+    """Return the speed (m/s) at which the contact that is under way at a sample closed; 0 when there is none.
+
+    It is that of the estimated penetration over its first columns, drawn back to the touch.
+    """
+    around = round(LONGEST_IMPACT * run.description.rate)
+    found = run.series("estimate", ["penetration"], first=max(0, sample - around), last=sample + around)
+    depth = found.samples[0].astype(np.float64)
+    now = (sample - found.first_sample) // found.stride
+    opened = np.flatnonzero(~(depth[: now + 1] > 0.0))
+    onset = int(opened[-1]) + 1 if opened.size else 0
+    first = depth[onset : onset + 3]
+    if onset > now or first.size < 3 or not first[1] > first[0]:
+        return 0.0
+    rates = np.diff(first) * run.description.rate / found.stride
+    since_touch = 0.5 + first[0] / (first[1] - first[0])  # columns, to the middle of the first two
+    return float(rates[0] + since_touch * (rates[0] - rates[1]))
 
 
 def _is_command(change: str) -> bool:

@@ -27,11 +27,13 @@ class Scripted(Emulator):
     def __init__(self, script: Sequence[Written]) -> None:
         super().__init__(paced=False)
         self._script = list(script)
-        self._begin: tuple[int, NDArray[np.float64], float] | None = None
+        self._begin: tuple[int, NDArray[np.float64], float, float] | None = None
 
-    def begin_at(self, sample: int, state: NDArray[np.float64], set_point: float) -> None:
-        """Begin at another sample than 0: with a state (12,) and a set-point of the speed in rad/s."""
-        self._begin = sample, state, set_point
+    def begin_at(self, sample: int, state: NDArray[np.float64], set_point: float, closing: float) -> None:
+        """Begin at another sample than 0: with a state (12,), a set-point of the speed in rad/s, and the
+        speed (m/s) at which a contact that is under way closed.
+        """
+        self._begin = sample, state, set_point, closing
 
     def start(self) -> None:
         """Begin at sample 0 with the shaft hanging still, or where it was told to begin."""

@@ -11,6 +11,7 @@ from simulator.drive import set_point
 from simulator.equilibrium import static_state
 from simulator.faults import Fault, damaged_at, edges, schedule, span_of
 from simulator.flight_map import flight_of
+from simulator.law import latched_factor
 from simulator.rig import (
     DampingMode,
     Model,
@@ -71,8 +72,15 @@ class Simulation:
         """A view of the candidates' damping factors."""
         return self.candidates[:, DAMPING_FACTOR]
 
-    def go_on_from(self, sample: int, state: np.ndarray, set_point: float) -> None:
-        """Go on at another sample from a state (12,), with the speed's set-point held where it is (rad/s)."""
+    def go_on_from(self, sample: int, state: np.ndarray, set_point: float, closing: float = 0.0) -> None:
+        """Go on at another sample from a state (12,), with the speed's set-point held where it is (rad/s).
+
+        `closing` is the speed (m/s) at which a contact that is under way there closed: all that the contact
+        remembers, and only where its damping is latched.
+        """
+        bearing = self.model.backup_bearing
+        if bearing.damping_mode == DampingMode.LATCHED:
+            self.damping_factors[:] = latched_factor(bearing.law, bearing.restitution, closing)
         self.sample = sample
         self.state = checked_state(state)
         self._ramp[:] = set_point, set_point, 1.0, sample

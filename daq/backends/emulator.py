@@ -111,9 +111,11 @@ class Emulator:
         self._mishaps = Mishaps(faults, rate, self.capabilities.paced, len(rig.channels))
         self._clock = DeviceClock(self._now(), rate, faults)
 
-    def go_on_from(self, sample: int, state: NDArray[np.float64], set_point: float) -> None:
-        """Go on at another sample from a state (12,) and a set-point of the speed (rad/s)."""
-        self._running().go_on_from(sample, state, set_point)
+    def go_on_from(
+        self, sample: int, state: NDArray[np.float64], set_point: float, closing: float = 0.0
+    ) -> None:
+        """Go on at another sample: see `simulator.simulation.Simulation.go_on_from`."""
+        self._running().go_on_from(sample, state, set_point, closing)
         self._next = sample
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from daq.recording import Recording
-from daq.recording.fingerprint import numeric_fingerprint
+from daq.recording.fingerprint import COMPILER, numeric_fingerprint
 from recordings.reference import FOLDER, REFERENCES, compare, table
 from replay.verify import BOUND, EQUIVALENT, IDENTICAL, verify
 
@@ -86,12 +86,19 @@ def test_a_processor_without_vector_units_gives_an_equivalent_answer():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "variables",
-    [{"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}, {"NUMBA_CPU_FEATURES": ""}],
-    ids=["generic", "no features"],
-)
-def test_kernels_compiled_for_a_lesser_processor_give_an_equivalent_answer(tmp_path, variables):
-    """The kernels are compiled anew, without AVX and fused multiplication, and the fingerprint tells it."""
-    assert "target" in verdict_with(variables | {"NUMBA_CACHE_DIR": str(tmp_path)})["changed"]
+def test_kernels_compiled_for_a_lesser_processor_give_an_equivalent_answer(tmp_path):
+    """Compiled anew, without AVX and fused multiplication; the fingerprint tells it."""
+    lesser = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)}
+    assert "target" in verdict_with(lesser)["changed"]
     assert list(tmp_path.rglob("*.nbc")), "nothing was compiled"
+
+
+@pytest.mark.parametrize("name", COMPILER)
+def test_a_variable_that_changes_machine_code_changes_the_fingerprint(monkeypatch, name):
+    for each in COMPILER:
+        monkeypatch.delenv(each, raising=False)
+    before = numeric_fingerprint()
+    monkeypatch.setenv(name, "")
+    after = numeric_fingerprint()
+    assert (before["target"], after["target"]) == ("host", f"{name}=")
+    assert before == after | {"target": "host"}

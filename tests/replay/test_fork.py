@@ -104,8 +104,26 @@ TOUCHING = {  # the twin's error in the middle of an impact
 
 @pytest.mark.parametrize(("name", "at"), IN_CONTACT)
 def test_from_within_an_impact_it_follows_the_truth_to_the_third_next_one(tmp_path, name, at):
-    """Each impact multiplies what two ways differ by: the longer, the wider the bounds."""
     (source,) = [each.path for each in REFERENCES if each.name == name]
+    assert_follows(source, at, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def latched(tmp_path_factory):
+    """A run whose contact remembers the speed at which it closed."""
+    rig = load_rig("thesis-ball", ['backup_bearing.damping_mode="latched"'])
+    path = tmp_path_factory.mktemp("latched") / "run.mcap"
+    simulate(rig, plan_from_text(REFERENCES[0].plan.read_text(), rig), path)
+    return path
+
+
+@pytest.mark.parametrize("at", [0.73, 1.05])
+def test_the_contact_s_memory_of_its_closing_goes_with_it(latched, tmp_path, at):
+    assert_follows(latched, at, tmp_path)
+
+
+def assert_follows(source, at, tmp_path):
+    """Compare up to the third next impact; each multiplies what two ways differ by, and the bounds widen."""
     first = fork(source, tmp_path / "fork.mcap", at, seconds=0.3).first_sample
     would, was = truth(tmp_path / "fork.mcap", first), truth(source, first)
     assert was["normal_force"][0] > LOUD, "the rotor does not touch there"
