@@ -187,24 +187,25 @@ BACKENDS: dict[str, tuple[str, str]] = {
 
 def make_backend(name: str, **options: Any) -> Backend:
     """Return a new, unopened backend. Raises `BackendError` that lists the known ones for another name."""
+    check_known(name)
     if name in BACKENDS:
         module, attribute = BACKENDS[name]
         factory: Callable[..., Backend] = getattr(import_module(module), attribute)
     else:
-        factory = _installed(name)
+        factory = next(iter(entry_points(group=ENTRY_POINTS, name=name))).load()
     return factory(**options)
+
+
+def check_known(name: str) -> None:
+    """Refuse a backend that is not installed, without importing any. Raises `BackendError`."""
+    if name not in known_backends():
+        known = nearest(name, known_backends(), "installed are")
+        raise BackendError(f"no backend is called {name}{known}")
 
 
 def known_backends() -> tuple[str, ...]:
     """Names that `make_backend` takes: the shipped ones and those that installed packages add."""
     return tuple(sorted({*BACKENDS, *(entry.name for entry in entry_points(group=ENTRY_POINTS))}))
-
-
-def _installed(name: str) -> Callable[..., Backend]:
-    for entry in entry_points(group=ENTRY_POINTS, name=name):
-        return entry.load()
-    known = nearest(name, known_backends(), "installed are")
-    raise BackendError(f"no backend is called {name}{known}")
 
 
 def address_of(rig: Rig, meaning: str) -> str:

@@ -92,6 +92,7 @@ def rig_of(options: argparse.Namespace) -> "Rig":
 
 def run(options: argparse.Namespace) -> int:
     """Run the rig; return 0 when all went as planned, 1 when the plan was cut short or something failed."""
+    from daq.backend import check_known
     from daq.ports import with_free_ports
     from daq.recording.metadata import metadata_of
     from daq.recording.rotation import rotation
@@ -99,6 +100,7 @@ def run(options: argparse.Namespace) -> int:
     from rigtwin.supervisor import StopRequest
 
     rig = rig_of(options)
+    check_known(rig.acquisition.backend)
     plan = plan_of(options, rig)
     metadata_of(options.meta)
     if options.rotate:

@@ -233,12 +233,20 @@ def test_rows_are_repeated(rig):
     assert plan.expected_duration(rig) == pytest.approx(once.expected_duration(rig) + 3 * 1.0)
 
 
+TIMES, WAIT = 'do = "repeat"\nlast = 1\ntimes = 10000', 'do = "wait"\nduration = 1.0'
+
+
 @pytest.mark.parametrize(
     ("row", "said"),
     [
         ('do = "repeat"\nlast = 7\ntimes = 1', "last = 7, but there are only 6 rows before it"),
         ('do = "repeat"\nlast = 6\ntimes = 10000000', r"times = 1e\+07"),
         ('do = "repeat"\nlast = 1000\ntimes = 10', "only 6 rows"),
+        (f"{TIMES}\n[[step]]\n{TIMES}", r"\[\[step\]\] 8 makes more than 100000 steps of the plan"),
+        (
+            "\n[[step]]\n".join([TIMES, WAIT] * 11),
+            r"\[\[step\]\] 25 makes more than 100000 steps of the plan",
+        ),
         ('do = "settle"\nquantity = "warmth"\nwithin = 1.0\nhold = 1.0\ntimeout = 1.0', "quantity"),
         (
             'do = "hit"\nsolenoid = "horizontal"\nforce = 1.0\nduration = 0.01\nangle_deg = 361.0',

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import tomli_w
 
-from daq.rig import load_rig, rig_from_text, shipped_rigs, with_ports
+from daq.rig import load_rig, rig_from_text, shipped_rigs, toml_source, with_ports
 from simulator.rig import BearingKind, RigError
 
 BALL = Path(__file__).parents[2] / "rigs" / "thesis-ball.toml"
@@ -131,6 +131,11 @@ def test_a_rig_without_model_solenoid_and_encoder(tmp_path):
         _ = rig.emulated_model
 
 
+TWICE = (
+    '[[solenoid]]\nname = "horizontal"\nstation = 0.3\nangle_deg = 0.0\nmax_force = 1.0\nmax_duration = 0.01\n'
+    "force_per_ampere = 1.0\n[[solenoid]]"
+)
+
 # Each case: an edit of thesis-ball.toml (what stands there, what shall stand there), what the message names.
 BAD_FILES = {
     "misspelt table": ("[rotor]", "[roter]", r"\[roter\] is not a table of a rig; did you mean rotor\?"),
@@ -186,6 +191,9 @@ BAD_FILES = {
     "twin without its channel": ('name = "motor_speed"', 'name = "speed"', r'\[twin\] model = "contact" needs a \[\[channel\]\] named motor_speed'),
     "no TOML": ("mass = 1.28", "mass = ", r"mine\.toml: not TOML: .*line 11"),
     "base that is none": ("[rig]", '[rig]\nbase = "thesis-bal"', r"\[rig\] base: .*thesis-ball"),
+    "base that is no name": ("[rig]", "[rig]\nbase = 3", r"\[rig\] base = 3 must be the name or path of a rig"),
+    "solenoid twice": ("[[solenoid]]", TWICE, r"\[\[solenoid\]\] horizontal stands there twice; each name must be unique"),
+    "name of a computer": ('host = "127.0.0.1"', 'host = "localhost"', r'\[link\] host = "localhost" is not a loopback address'),
     "base on itself": ("[rig]", '[rig]\nbase = "mine.toml"', r"\[rig\] base: mine\.toml stands on itself"),
 }  # fmt: skip
 
@@ -215,6 +223,8 @@ BAD_OVERRIDES = {
     "rotor..mass=1": r"write it as table\.key=value",
     "limits.force.trip=10": r"\[limits\.force\] warn = 150 is above trip = 10",
     "link.control=80": r"\[link\] .* = 80 is also the port of",
+    "limits.force.multiplier=2.0": r"\[limits\.force\] has only one of multiplier and multiplier_hz; give both",
+    "emulator.actual=3": r"\[emulator\.actual\] must be a table, not 3",
     "rig.base=thesis-pinned": r"\[rig\] base is not a key",
 }
 
@@ -284,6 +294,38 @@ def test_emulator_needs_a_model():
         del tables[name]
     with pytest.raises(RigError, match="needs the tables rotor"):
         rig_from_text(tomli_w.dumps(tables))
+
+
+def without_model(**more):
+    """Tables of a rig on another backend, without a model; `more` replaces or adds some."""
+    tables = tomllib.loads(load_rig("thesis-ball", ["acquisition.backend=card", "twin.model=none"]).toml)
+    for name in ("rotor", "magnetic_bearing", "backup_bearing", "housing", "drive"):
+        del tables[name]
+    return tables | more
+
+
+def test_an_actual_rig_needs_one_to_differ_from():
+    tables = without_model(emulator={"actual": {"rotor": {"mass": 1.0}}})
+    with pytest.raises(
+        RigError, match=r"\[emulator\.actual\] needs the tables rotor, .* from which it differs"
+    ):
+        rig_from_text(tomli_w.dumps(tables))
+
+
+def test_the_twin_needs_to_know_where_its_probes_are():
+    tables = tomllib.loads(load_rig("thesis-ball").toml)
+    for row in tables["channel"]:
+        if row["name"] == "proximity_y":
+            del row["station"], row["angle_deg"]
+    with pytest.raises(
+        RigError, match=r"\[\[channel\]\] proximity_y needs station and angle_deg for the twin"
+    ):
+        rig_from_text(tomli_w.dumps(tables))
+
+
+def test_a_file_that_cannot_be_read(tmp_path):
+    with pytest.raises(RigError, match=r"cannot be read: Is a directory"):
+        toml_source.read(tmp_path)
 
 
 def test_a_value_cannot_smuggle_in_another_key():

@@ -22,6 +22,7 @@ NEGATIVE = '[rig]\nbase = "thesis-ball"\n[rotor]\nmass = -1.3\n'
         (["live", "--rig", "negative.toml"], ["[rotor] mass", "-1.3"]),
         (["live", "--plan", "resonanse"], ["resonanse", "resonance"]),
         (["live", "--set", "rotor.mas=2"], ["mas", "mass"]),
+        (["live", "--set", "acquisition.backend=emulater"], ["emulater", "did you mean emulator"]),
         (["live", "--view", "none", "--record", "taken.mcap"], ["taken.mcap", "exists"]),
         (["live", "--view", "none", "--record", "file.txt/run.mcap"], ["file.txt"]),
         (["simulate", "impacts", "-o", "taken.mcap"], ["taken.mcap", "exists"]),
