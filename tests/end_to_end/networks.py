@@ -65,17 +65,17 @@ def shell(place: tuple[str, ...], script: str) -> None:
 
 @contextmanager
 def holder(*words: str) -> Iterator[int]:
-    """Keep a new network as long as a process of it lives; give that process' id."""
+    """Keep a new network as long as a process of it lives, which ends with its input; give that one's id."""
     with subprocess.Popen(
         [*words, "sh", "-c", "echo; exec cat"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as process:
         process.stdout.readline()
         yield process.pid
-        process.stdin.close()
 
 
 def refuse_where_impossible() -> None:
     """Skip where the system gives no right to networks; nothing that could be installed would change that."""
+    require(shutil.which("unshare") is not None, "unshare, of util-linux,")
     bare = subprocess.run([*ALONE, "true"], capture_output=True, text=True)
     if bare.returncode:
         pytest.skip(f"no right to network namespaces: {bare.stderr.strip()}")
