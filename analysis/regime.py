@@ -1,28 +1,35 @@
-"""What the rotor does in its backup bearing, by plain rules over the last revolutions of the shaft.
+"""What the rotor does in its backup bearing, and how likely it is, from the last revolutions of the shaft.
 
-The rules stand in `classify`, in order; the first that fits is the answer. Their bounds are data: `Bounds`.
-The direction of a whirl, the share of time in contact and the places of contact are those that the thesis
-tells regimes apart by (P1 section 5, P2 sections 4 to 7, P3 section 5).
+A few questions are put to measures that the thesis tells regimes apart by: the share of time in contact, the
+direction of a whirl, the places of contact, whether the motion repeats (P1 section 5, P2 sections 4 to 7, P3
+section 5). Each has a `Bound`, which makes of the measure the odds of the answer; `weigh` multiplies the
+answers, and the most likely regime is the answer.
 """
 
 from collections.abc import Iterable, Sequence
 from enum import StrEnum
+from math import exp, log
 from typing import NamedTuple
 
 import numpy as np
 
+from analysis.recurrence import broadband, dispersion
 from analysis.turns import Turn
 
-WINDOW = 24
-"""Revolutions that the rules look back over."""
+WINDOW = 48
+"""Revolutions that are looked back over, to tell chaos from motions of two periods."""
 SETTLED = 12
-"""The last of them, in which a motion must repeat to have settled."""
+"""The last of them, in which a motion of one period must repeat to have settled."""
 RECENT = 3
-"""The last of those, which tell whether there is contact, and how much."""
+"""The last of those, which tell whether there is contact, and whether it lasts."""
 LONGEST_PERIOD = 6
-"""Revolutions after which a motion that is not chaotic has repeated."""
-MARGIN = 1.5
-"""Factor by which the bounds are moved, up and down, to see whether the answer depends on them."""
+"""Revolutions after which a motion of one period repeats that has settled."""
+LONGEST_RETURN = 18
+"""Revolutions after which a motion of two periods has come back closely."""
+LINES = 3
+"""Lines of a spectrum that hold most of the power of a motion of one or two periods."""
+STRAY = 0.1
+"""Share of the hits below which a group of them is no place."""
 
 
 class Regime(StrEnum):
@@ -47,105 +54,140 @@ class Regime(StrEnum):
 PLACES = {1: Regime.ONE_PLACE, 2: Regime.TWO_PLACES, 3: Regime.THREE_PLACES}
 
 
-class Bounds(NamedTuple):
-    """The numbers that the rules compare with."""
+class Bound(NamedTuple):
+    """Where the answer to a question turns, and how sharply."""
 
-    rest_speed: float = 2.0 * np.pi * 0.1  # rad/s below which the shaft stands still
-    rest_motion: float = 0.05  # share of the clearance that a shaft at rest may still move
-    touch: float = 0.002  # share of the time in contact below which the shaft counts as free
-    rub: float = 0.45  # share of the time in contact from which a centre that runs round the bearing rubs it
-    sweep: float = 0.5  # runs round the bearing per revolution from which that is a whirl
-    lift: float = 0.05  # share of the time without contact below which contact is permanent
-    place_gap: float = np.radians(30.0)  # rad without any hit that part two places
-    dispersion: float = 0.02  # of the Poincaré marks, share of the clearance, from which motion is chaotic
-    flatness: float = 0.4  # minor over major axis below which an orbit is a line
+    value: float  # of the measure, at which yes and no are as likely
+    sharpness: float  # twice the measure makes the odds of yes 2**sharpness times as large
 
-    def moved(self, factor: float) -> "Bounds":
-        """Return the bounds times a factor."""
-        return Bounds(*(factor * bound for bound in self))
+    def evidence(self, measure: float) -> float:
+        """Return the logarithm of the odds of yes, from a measure of at least zero."""
+        return self.sharpness * log(max(measure, TINY) / self.value)
+
+    def likely(self, measure: float) -> float:
+        """Return the probability of yes."""
+        return probability(self.evidence(measure))
 
 
-LOOKS = (Bounds(), Bounds().moved(MARGIN), Bounds().moved(1.0 / MARGIN))
-"""The stated bounds first, then moved up and down."""
+TINY = 1e-9
+REST_SPEED = 2.0 * np.pi * 0.1  # rad/s below which the shaft stands still
+REST_MOTION = 0.05  # share of the clearance that a shaft at rest may still move
+TOUCH = Bound(0.002, 4.0)  # share of the time in contact, from which the shaft touches
+LIFT = Bound(0.05, 4.0)  # share of the time without contact, from which the shaft lifts off
+RUB = Bound(0.5, 12.0)  # share of the time in contact, from which a centre that runs round the bearing rubs
+ROUND = Bound(0.5, 4.0)  # runs round the bearing per revolution, from which the centre does run round
+FLAT = Bound(0.4, 4.0)  # minor over major axis, from which an orbit is no line
+PARTED = Bound(np.radians(30.0), 12.0)  # rad without any hit, from which two places are apart
+SCATTER = Bound(0.02, 4.0)  # dispersion over the clearance, from which a motion of one period has not settled
+STEADY = Bound(0.003, 2.0)  # dispersion of `SETTLED` revolutions, below which nothing is chaotic
+RETURN = Bound(0.02, 0.9)  # dispersion of `WINDOW` revolutions, from which a motion is chaotic, together with
+NOISE = Bound(0.0105, 0.9)  # the broadband share of the marks' power
+"""`RETURN` and `NOISE` are a logistic regression: `python -m benchmarks.regime --fit`."""
 
 
-def classify(turns: Sequence[Turn], pins: bool = False, bounds: Bounds = LOOKS[0]) -> Regime:
-    """Name the regime that the last revolutions show, oldest first; unknown without any.
+def classify(turns: Sequence[Turn], pins: bool = False) -> Regime:
+    """Name the most likely regime of the last revolutions: see `weigh`."""
+    weights = weigh(turns, pins)
+    return max(weights, key=weights.__getitem__)
 
-    `pins` tells that the bearing is pinned: an orbit that is a line onto one place is its diagonal then.
+
+def weigh(turns: Sequence[Turn], pins: bool = False) -> dict[Regime, float]:
+    """Return how likely the regimes are that the last revolutions may show; the weights add up to 1.
+
+    `turns` are the last `WINDOW` at most, oldest first; without any the regime is unknown. `pins` tells that
+    the bearing is pinned: an orbit that is a line onto one place is its diagonal then.
     """
     if not turns:
-        return Regime.UNKNOWN
+        return {Regime.UNKNOWN: 1.0}
     recent = turns[-RECENT:]
     duty, sweep = mean(turn.duty for turn in recent), mean(turn.sweep for turn in recent)
-    if duty <= bounds.touch:
-        return free(recent, bounds)
-    if duty >= bounds.rub and abs(sweep) >= bounds.sweep:
-        return Regime.FORWARD_WHIRL if sweep > 0.0 else Regime.BACKWARD_WHIRL
-    return Regime.PERMANENT if duty >= 1.0 - bounds.lift else bouncing(turns[-WINDOW:], pins, bounds)
+    touching, circling = TOUCH.likely(duty), ROUND.likely(abs(sweep))
+    lifting = touching * LIFT.likely(1.0 - duty)
+    lasting = touching - lifting
+    chaotic = lifting * chaos(turns)
+    rubbing = (lifting - chaotic) * circling * RUB.likely(mean(turn.duty for turn in turns[-SETTLED:]))
+    whirl = Regime.FORWARD_WHIRL if sweep > 0.0 else Regime.BACKWARD_WHIRL
+    return {
+        free(recent): 1.0 - touching,
+        Regime.PERMANENT: lasting * (1.0 - circling),
+        whirl: lasting * circling + rubbing,
+        Regime.CHAOTIC: chaotic,
+    } | {regime: (lifting - chaotic - rubbing) * weight for regime, weight in bouncing(turns, pins).items()}
 
 
-def free(turns: Sequence[Turn], bounds: Bounds) -> Regime:
+def free(turns: Sequence[Turn]) -> Regime:
     """Name the regime of a shaft that does not touch."""
-    if abs(mean(turn.speed for turn in turns)) >= bounds.rest_speed:
+    if abs(mean(turn.speed for turn in turns)) >= REST_SPEED:
         return Regime.CONTACT_FREE
-    still = max(turn.span for turn in turns) < bounds.rest_motion
-    return Regime.AT_REST if still else Regime.FREE_DECAY
+    return Regime.AT_REST if max(turn.span for turn in turns) < REST_MOTION else Regime.FREE_DECAY
 
 
-def bouncing(turns: Sequence[Turn], pins: bool, bounds: Bounds) -> Regime:
-    """Name the kind of bouncing; plain `BOUNCING` while it settles.
+def chaos(turns: Sequence[Turn]) -> float:
+    """Return how likely the motion is chaotic; 0 as long as contact is younger than `WINDOW`.
 
-    Chaotic is what repeats neither in the last `SETTLED` revolutions nor in those before, so that what dies
-    out after a first contact is not called so.
+    A motion of one or two periods comes back closely, and its spectrum has lines; a chaotic one does neither.
+    What has just settled is not chaotic, although the window still holds what was before.
     """
-    last, before = turns[-SETTLED:], turns[:-SETTLED]
-    if not begun(last, bounds):
-        return Regime.BOUNCING
-    if not repeats(last, bounds):
-        return Regime.CHAOTIC if begun(before, bounds) and not repeats(before, bounds) else Regime.BOUNCING
-    count = places(np.concatenate([turn.hits for turn in last]), bounds.place_gap)
-    if pins and count == 1 and mean(turn.flatness for turn in last) < bounds.flatness:
-        return Regime.DIAGONAL
-    return PLACES.get(count, Regime.MANY_PLACES if count else Regime.BOUNCING)
+    marks = marks_of(turns)
+    if not begun(turns, WINDOW) or np.isnan(marks).any():
+        return 0.0
+    evidence = RETURN.evidence(dispersion(marks, LONGEST_RETURN)) + NOISE.evidence(broadband(marks, LINES))
+    return probability(evidence) * STEADY.likely(dispersion(marks[-SETTLED:], LONGEST_PERIOD))
 
 
-def begun(turns: Sequence[Turn], bounds: Bounds) -> bool:
-    """Whether there is contact from the beginning of `SETTLED` revolutions on."""
-    return len(turns) == SETTLED and any(turn.duty > bounds.touch for turn in turns[:LONGEST_PERIOD])
+def bouncing(turns: Sequence[Turn], pins: bool) -> dict[Regime, float]:
+    """Return how likely the kinds of bouncing are that is not chaotic; plain `BOUNCING` while it settles."""
+    last = turns[-SETTLED:]
+    if not begun(last, SETTLED):
+        return {Regime.BOUNCING: 1.0}
+    marks = marks_of(last)
+    scattered = 0.0 if np.isnan(marks).any() else SCATTER.likely(dispersion(marks, LONGEST_PERIOD))
+    old = begun(turns, WINDOW)
+    seen = turns if old and scattered > 0.5 else last
+    count, sure = places(np.concatenate([turn.hits for turn in seen]))
+    sure *= 1.0 if old else 1.0 - scattered
+    if count == 0:
+        return {Regime.BOUNCING: 1.0}
+    round_one = FLAT.likely(mean(turn.flatness for turn in last)) if pins and count == 1 else 1.0
+    return {
+        PLACES.get(count, Regime.MANY_PLACES): sure * round_one,
+        Regime.DIAGONAL: sure * (1.0 - round_one),
+        Regime.BOUNCING: 1.0 - sure,
+    }
 
 
-def repeats(turns: Sequence[Turn], bounds: Bounds) -> bool:
-    """Whether the motion repeats within `LONGEST_PERIOD` revolutions, as far as its marks are known."""
-    return not dispersion(np.array([turn.mark for turn in turns])) > bounds.dispersion
+def begun(turns: Sequence[Turn], count: int) -> bool:
+    """Whether there is contact from the beginning of the last `count` revolutions on."""
+    return len(turns) >= count and any(turn.duty > TOUCH.value for turn in turns[-count:][:LONGEST_PERIOD])
 
 
-def dispersion(marks: np.ndarray) -> float:
-    """Return how far the Poincaré marks (n,), complex, are from repeating; NaN when they are not all known.
-
-    It is the median distance between marks p revolutions apart, for the p up to `LONGEST_PERIOD` for which it
-    is least: zero for a periodic motion, near the attractor's size for a chaotic one.
-    """
-    longest = min(LONGEST_PERIOD, marks.size - 1)
-    apart = [float(np.median(np.abs(marks[p:] - marks[:-p]))) for p in range(1, longest + 1)]
-    return min(apart, default=float("nan"))
+def marks_of(turns: Sequence[Turn]) -> np.ndarray:
+    """Return the Poincaré marks (n,), complex."""
+    return np.array([turn.mark for turn in turns])
 
 
-def places(directions: np.ndarray, gap: float, least: float = 0.1) -> int:
-    """Return on how many places hits fall: groups of their directions on the circle, `gap` rad apart.
+def places(directions: np.ndarray) -> tuple[int, float]:
+    """Return on how many places hits fall, and how sure that is, 0.5 to 1.
 
-    `directions` (n,) in rad. A group with less than the share `least` of the hits is a stray. 0 when there is
-    no hit, or when they go all round without a gap.
+    Places are groups of directions (n,), in rad, with more than `PARTED` between them; groups of less than
+    the share `STRAY` of the hits do not count. 0 when there is no hit, or when they go all round. It is as
+    sure as the gap is that is nearest to the bound.
     """
     if directions.size == 0:
-        return 0
+        return 0, 1.0
     ordered = np.sort(directions % (2.0 * np.pi))
     gaps = np.diff(np.append(ordered, ordered[0] + 2.0 * np.pi))
-    ends = np.flatnonzero(gaps > gap)
+    sure = min(probability(abs(PARTED.evidence(float(gap)))) for gap in gaps)
+    ends = np.flatnonzero(gaps > PARTED.value)
     if ends.size == 0:
-        return 0
+        return 0, sure
     sizes = np.diff(np.append(ends, ends[0] + directions.size))
-    return int(np.count_nonzero(sizes >= least * directions.size))
+    return int(np.count_nonzero(sizes >= STRAY * directions.size)), sure
+
+
+def probability(evidence: float) -> float:
+    """Return the probability from the logarithm of the odds."""
+    return 1.0 / (1.0 + exp(-evidence)) if evidence > -700.0 else 0.0
 
 
 def named(regime: str, confidence: float) -> str:

@@ -5,8 +5,9 @@ from the twin, on the ball and the pinned bearing. Cases: `mm`, parameters off b
 model's form is wrong too (`tests.twin.cases`). Beside the observer, on the same runs: the observer without
 transducers; the linear filter on the probes (its force is what true unbalance and weight leave of the moment
 that it finds); an open-loop shadow (the same model, never corrected, but told the true unbalance); and the
-raw transducers (their resultant taken for the contact force). `--json` gives figures, otherwise the whole
-table is printed too. Run `python -m benchmarks.twin`.
+raw transducers (their resultant taken for the contact force). Then how often the regime is named right
+(`benchmarks.regime`). `--json` gives figures, otherwise the whole table is printed too. Run
+`python -m benchmarks.twin`.
 """
 
 import time
@@ -14,6 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from benchmarks import regime
 from benchmarks.report import Figure, parser, show
 from daq.messages import SeriesEncoder
 from tests.twin.accuracy import (
@@ -188,10 +190,11 @@ def figures(rows: dict[str, dict[str, Errors]]) -> dict[str, Figure]:
 def main() -> None:
     """Measure and report."""
     options = parser(__doc__).parse_args()
-    rows = table()
+    rows, named = table(), (regime.drawn(), regime.plain())
     if not options.json:
         print_table(rows, calibrations())
-    show(figures(rows) | costs(), options.json)
+        regime.print_table(*named)
+    show(figures(rows) | regime.figures(*named) | costs(), options.json)
 
 
 if __name__ == "__main__":

@@ -4,13 +4,13 @@ from collections import deque
 
 import numpy as np
 
-from analysis.regime import LOOKS, WINDOW, Bounds, Regime, classify
+from analysis.regime import REST_SPEED, WINDOW, Regime, weigh
 from analysis.turns import Turn, turn_of
 from simulator.rig import BackupBearing, BearingKind
 from twin.estimate import Estimated
 
 CONFIRMATIONS = 3  # revolutions in a row that must agree before a new regime is announced
-VOTING = 5  # revolutions whose verdicts make the confidence
+VOTING = 5  # revolutions over which the confidence is the mean
 LONGEST_TURN = 0.5  # s that stand for a revolution where one takes longer
 STILL_TURN = 0.1  # s that do where the shaft stands still
 
@@ -29,7 +29,8 @@ class RegimeWatch:
         self._clearance = bearing.clearance
         self._pins = bearing.kind == BearingKind.PINNED
         self._turns: deque[Turn] = deque(maxlen=WINDOW)
-        self._verdicts: deque[tuple[Regime, ...]] = deque(maxlen=VOTING)
+        self._weights: deque[dict[Regime, float]] = deque(maxlen=VOTING)
+        self._verdict = Regime.UNKNOWN
         self._agreements = 0
         self._pending = np.empty((1 + len(ROWS), 0))  # shaft angle and `ROWS` since the last revolution's end
         self.regime = Regime.UNKNOWN
@@ -37,13 +38,9 @@ class RegimeWatch:
 
     @property
     def confidence(self) -> float:
-        """How sure the regime is, 0 to 1.
-
-        It is the share of the verdicts over the last `VOTING` revolutions that agree with it. Each revolution
-        gives three: with the rules' bounds as they are, and moved up and down.
-        """
-        verdicts = [verdict for each in self._verdicts for verdict in each]
-        return verdicts.count(self.regime) / len(verdicts) if verdicts else 0.0
+        """How likely the announced regime is, 0 to 1: the mean over the last `VOTING` revolutions."""
+        weights = [each.get(self.regime, 0.0) for each in self._weights]
+        return sum(weights) / len(weights) if weights else 0.0
 
     def add(self, estimated: Estimated) -> None:
         """Take in the next estimate; one that starts anew forgets the revolutions, not the regime."""
@@ -61,13 +58,13 @@ class RegimeWatch:
         """Judge the revolution that is over, and settle on what enough of them in a row agree on."""
         angle, x, y, force_x, force_y, normal = rows
         self._turns.append(turn_of(angle, x + 1j * y, force_x + 1j * force_y, normal, self._clearance, rate))
-        turns = list(self._turns)
-        verdict = tuple(classify(turns, self._pins, bounds) for bounds in LOOKS)
-        agrees = bool(self._verdicts) and verdict[0] == self._verdicts[-1][0]
-        self._agreements = self._agreements + 1 if agrees else 1
-        self._verdicts.append(verdict)
+        weights = weigh(list(self._turns), self._pins)
+        verdict = max(weights, key=weights.__getitem__)
+        self._agreements = self._agreements + 1 if verdict == self._verdict else 1
+        self._verdict = verdict
+        self._weights.append(weights)
         if self._agreements >= CONFIRMATIONS:
-            self.regime = verdict[0]
+            self.regime = verdict
 
 
 def end_of_turn(angle: np.ndarray, rate: float) -> int:
@@ -78,7 +75,7 @@ def end_of_turn(angle: np.ndarray, rate: float) -> int:
     """
     if angle.size < 2:
         return 0
-    standing = abs(angle[-1] - angle[0]) * rate < Bounds().rest_speed * (angle.size - 1)
+    standing = abs(angle[-1] - angle[0]) * rate < REST_SPEED * (angle.size - 1)
     longest = round((STILL_TURN if standing else LONGEST_TURN) * rate)
     passed = np.diff(np.floor(angle / (2.0 * np.pi))) != 0.0
     passages = np.flatnonzero(passed & (np.abs(angle[1:] - angle[0]) > np.pi))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.regime import LOOKS, SETTLED, WINDOW, Regime, classify, dispersion, named, places
+from analysis.regime import LONGEST_PERIOD, SETTLED, WINDOW, Regime, classify, named, places, weigh
 from analysis.turns import Turn
 
 RNG = np.random.default_rng(5)
@@ -50,49 +50,70 @@ def test_a_line_onto_one_place_is_a_diagonal_between_pins_only():
     assert classify(turns(duty=0.07, hits=[-2.3], flatness=0.9), pins=True) == Regime.ONE_PLACE
 
 
-@pytest.mark.parametrize("long", [4, 15])
+@pytest.mark.parametrize("long", [4, 15, WINDOW - LONGEST_PERIOD])
 def test_contact_that_has_only_begun_is_not_called_chaotic(long):
     scattered = turns(long, duty=0.1, hits=[-1.0], marks=RNG.normal(size=WINDOW))
     assert classify([*turns(WINDOW), *scattered][-WINDOW:]) == Regime.BOUNCING
 
 
 def test_what_has_settled_after_a_scattered_beginning_has_its_places():
-    scattered = turns(SETTLED, duty=0.1, hits=[-1.0], marks=RNG.normal(size=WINDOW))
+    scattered = turns(WINDOW - SETTLED, duty=0.1, hits=[-1.0], marks=RNG.normal(size=WINDOW))
     assert classify([*scattered, *turns(SETTLED, duty=0.1, hits=[2.0])]) == Regime.ONE_PLACE
 
 
-def test_moved_bounds_disagree_only_near_a_bound():
-    def verdicts(duty):
-        return {classify(turns(duty=duty, sweep=1.0, hits=[0.0]), bounds=bounds) for bounds in LOOKS}
-
-    assert verdicts(0.1) == {Regime.ONE_PLACE}
-    assert verdicts(0.5) == {Regime.ONE_PLACE, Regime.FORWARD_WHIRL}
-    assert verdicts(0.9) == {Regime.FORWARD_WHIRL}
-
-
-@pytest.mark.parametrize("period", [1, 2, 3, 4])
-def test_what_repeats_has_no_dispersion(period):
-    assert dispersion(np.resize(RNG.normal(size=period) + 1j, SETTLED)) == 0.0
+def test_a_motion_of_two_periods_is_not_chaotic():
+    number = np.arange(WINDOW)
+    marks = 0.8 + 0.1 * np.exp(1j * number) + 0.03 * np.exp(-2j * number)
+    found = weigh(turns(duty=0.1, hits=[-2.2, -0.8], marks=marks))
+    assert max(found, key=found.__getitem__) == Regime.TWO_PLACES
+    assert found[Regime.CHAOTIC] < 0.2
 
 
-def test_the_logistic_map_is_dispersed_in_its_chaos_and_not_in_its_period_four():
-    def orbit(growth):
-        values = [0.3]
-        while len(values) < 500:
-            values.append(growth * values[-1] * (1 - values[-1]))
-        return np.array(values[-SETTLED:]) + 0j
+def test_a_rub_that_lifts_off_and_does_not_repeat_is_chaotic_and_no_whirl():
+    lifting = {"duty": 0.8, "sweep": 1.0, "hits": [0.0]}
+    assert classify(turns(**lifting)) == Regime.FORWARD_WHIRL
+    assert classify(turns(**lifting, marks=RNG.normal(size=WINDOW) * 0.3)) == Regime.CHAOTIC
 
-    assert dispersion(orbit(3.5)) < 1e-6  # its period is 4
-    assert dispersion(orbit(3.99)) > 0.1
+
+@pytest.mark.parametrize("duty", [0.0, 0.001, 0.1, 0.5, 0.9, 1.0])
+@pytest.mark.parametrize("sweep", [0.0, 0.4, 1.0, -5.0])
+def test_weights_add_up_to_one(duty, sweep):
+    found = weigh(turns(duty=duty, sweep=sweep, hits=[0.0, 2.0] if duty else []))
+    assert sum(found.values()) == pytest.approx(1.0)
+    assert min(found.values()) >= 0.0
+
+
+@pytest.mark.parametrize(
+    ("values", "pair"),
+    [
+        ({"duty": 0.00201, "hits": [0.0]}, (Regime.CONTACT_FREE, Regime.ONE_PLACE)),
+        ({"duty": 0.95, "hits": [0.0]}, (Regime.PERMANENT, Regime.ONE_PLACE)),
+        ({"duty": 1.0, "sweep": 0.5}, (Regime.PERMANENT, Regime.FORWARD_WHIRL)),
+        ({"duty": 0.5, "sweep": -3.0, "hits": [0.0]}, (Regime.BACKWARD_WHIRL, Regime.ONE_PLACE)),
+    ],
+)
+def test_both_regimes_are_as_likely_where_an_answer_turns(values, pair):
+    found = weigh(turns(**values))
+    assert found[pair[0]] == pytest.approx(0.5, abs=0.02)
+    assert found[pair[1]] == pytest.approx(0.5, abs=0.02)
 
 
 def test_places_are_groups_on_the_circle():
-    gap = np.radians(30.0)
-    assert places(np.array([]), gap) == 0
-    assert places(np.array([3.1, -3.1, 3.0]), gap) == 1  # across the cut of the angle
-    assert places(np.array([0.0, 0.1, 1.5, 1.6, 3.0]), gap) == 3
-    assert places(np.append(np.zeros(20), 2.0), gap) == 1  # a stray
-    assert places(np.linspace(-np.pi, np.pi, 40), gap) == 0  # all round
+    def count(*directions):
+        return places(np.array(directions))[0]
+
+    assert count() == 0
+    assert count(3.1, -3.1, 3.0) == 1  # across the cut of the angle
+    assert count(0.0, 0.1, 1.5, 1.6, 3.0) == 3
+    assert count(*np.zeros(20), 2.0) == 1  # a stray
+    assert count(*np.linspace(-np.pi, np.pi, 40)) == 0  # all round
+
+
+def test_places_are_sure_by_the_gap_nearest_to_the_bound():
+    surely, hardly = places(np.array([0.0, 2.0])), places(np.array([0.0, np.radians(31.0)]))
+    assert surely == (2, pytest.approx(1.0, abs=1e-4))
+    assert hardly[0] == 2
+    assert 0.5 < hardly[1] < 0.7
 
 
 def test_a_confidence_of_zero_is_not_told():
