@@ -6,7 +6,7 @@ section 5). Each has a `Bound`, which makes of the measure the odds of the answe
 answers, and the most likely regime is the answer.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 from math import exp, log
 from typing import NamedTuple
@@ -85,9 +85,8 @@ NOISE = Bound(0.0105, 0.9)  # the broadband share of the marks' power
 """`RETURN` and `NOISE` are a logistic regression: `python -m benchmarks.regime --fit`."""
 
 
-def classify(turns: Sequence[Turn], pins: bool = False) -> Regime:
-    """Name the most likely regime of the last revolutions: see `weigh`."""
-    weights = weigh(turns, pins)
+def likeliest(weights: Mapping[Regime, float]) -> Regime:
+    """Return the regime with the largest weight."""
     return max(weights, key=weights.__getitem__)
 
 

@@ -4,7 +4,7 @@ from collections import deque
 
 import numpy as np
 
-from analysis.regime import REST_SPEED, WINDOW, Regime, weigh
+from analysis.regime import REST_SPEED, WINDOW, Regime, likeliest, weigh
 from analysis.turns import Turn, turn_of
 from simulator.rig import BackupBearing, BearingKind
 from twin.estimate import Estimated
@@ -59,7 +59,7 @@ class RegimeWatch:
         angle, x, y, force_x, force_y, normal = rows
         self._turns.append(turn_of(angle, x + 1j * y, force_x + 1j * force_y, normal, self._clearance, rate))
         weights = weigh(list(self._turns), self._pins)
-        verdict = max(weights, key=weights.__getitem__)
+        verdict = likeliest(weights)
         self._agreements = self._agreements + 1 if verdict == self._verdict else 1
         self._verdict = verdict
         self._weights.append(weights)
