@@ -23,6 +23,15 @@ def set_point(ramp: np.ndarray, sample: int, tick: float) -> float:
 
 
 @inlined
+def put_set_points(ramp: np.ndarray, sample: int, tick: float, count: int, out: np.ndarray) -> None:
+    """Fill the first `count` cells of `out` with the set-points from a sample on."""
+    begin, target, slope, first = ramp[0], ramp[1], ramp[2], ramp[3]
+    for k in range(count):
+        change = slope * ((sample + k - first) * tick)
+        out[k] = min(begin + change, target) if begin <= target else max(begin - change, target)
+
+
+@inlined
 def motor_torque(drive: Drive, error: float, integral: float) -> float:
     """Return the motor's torque, N m, from the speed error (rad/s) and its integral (rad)."""
     wanted = drive.proportional_gain * error + drive.integral_gain * integral

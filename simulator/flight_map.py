@@ -4,8 +4,9 @@ import numpy as np
 
 from simulator.clearance import least_clearance
 from simulator.dynamics import LEAST_GAP, Tick, static_moment
-from simulator.flight import WORK, Flight, Polynomial
+from simulator.flight_block import BLOCK, WORK, Flight, Polynomial
 from simulator.rig import Model
+from simulator.state import SIGNALS
 
 MOST_TURN = 0.0125  # rad of the fastest motion in a tick: what the polynomials leave out is 1e-9 of a load
 TERMS = 8  # of the series in time: the next is 1e-17 at most
@@ -37,6 +38,7 @@ def flight_of(model: Model, tick: Tick) -> Flight:
         fastest=(MOST_TURN / tick.length - tick.flight_rate) / tick.gyroscopic,
         room=max(least_clearance(model.backup_bearing) - LEAST_GAP, 0.0),
         work=np.zeros(WORK),
+        spare=np.zeros((len(SIGNALS), BLOCK)),
     )
 
 

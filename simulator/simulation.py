@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from simulator.candidates import DAMPING_FACTOR, candidates_of, for_kernels
+from simulator.candidates import DAMPING_FACTOR, candidates_of
 from simulator.checks import check_bearing
 from simulator.drive import set_point
 from simulator.equilibrium import static_state
@@ -19,7 +19,7 @@ from simulator.rig import (
 )
 from simulator.solenoid import PULSE_FIELDS, pulse_row
 from simulator.state import SIGNALS, STATE, TRUTH
-from simulator.stepping import run
+from simulator.stepping import numbers_of, run
 from simulator.tick import tick_of
 
 __all__ = ["SIGNALS", "STATE", "TRUTH", "Simulation", "SimulationError", "signals_for"]
@@ -63,7 +63,7 @@ class Simulation:
         self.state = static_state(self.model) if state is None else checked_state(state)
         self._ramp = np.array([self.state[10], self.state[10], 1.0, 0.0])
         self._pulses = np.empty((0, PULSE_FIELDS))
-        self._flight = flight_of(self.model, self.tick)
+        self._numbers = numbers_of(self.model, self.tick, flight_of(self.model, self.tick))
         self._faults = schedule(faults, self.rate)
         self._edges = edges(self._faults)
 
@@ -85,7 +85,6 @@ class Simulation:
         self.state = checked_state(state)
         self._ramp[:] = set_point, set_point, 1.0, sample
         self._pulses = np.empty((0, PULSE_FIELDS))
-        self._flight = flight_of(self.model, self.tick)
 
     def advance(self, truth: np.ndarray) -> None:
         """Fill `truth` (17, n), float64, C-contiguous, with the next n samples, and step n ticks.
@@ -126,7 +125,7 @@ class Simulation:
         """Let the model be that of the rig with what acts on it now."""
         self.model = checked(damaged_at(self.whole, self._faults, self.sample))
         self.tick = tick_of(self.model, 1.0 / self.rate)
-        self._flight = flight_of(self.model, self.tick)
+        self._numbers = numbers_of(self.model, self.tick, flight_of(self.model, self.tick))
         latched = self.damping_factors.copy()
         self.candidates[:] = candidates_of(self.model)
         if self.model.backup_bearing.damping_mode == DampingMode.LATCHED:
@@ -162,11 +161,9 @@ class Simulation:
     def _run(self, truth: np.ndarray, begin: int, end: int) -> None:
         """Fill the columns from `begin` to `end`."""
         done, lost = run(
-            for_kernels(self.model),
-            self.tick,
+            self._numbers,
             self._ramp,
             self._pulses,
-            self._flight,
             self.sample,
             self.state,
             self.candidates,

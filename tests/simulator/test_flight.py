@@ -8,7 +8,7 @@ import pytest
 
 from simulator.drive import motor_torque, next_integral
 from simulator.dynamics import collide
-from simulator.flight import BLOCK
+from simulator.flight_block import BLOCK
 from simulator.rig import Solenoid
 from simulator.simulation import Simulation, checked, signals_for
 from simulator.state import Inputs, State
@@ -46,6 +46,21 @@ def test_a_snapshot_goes_on_to_the_same_bytes():
     signals(simulation, (7 * BLOCK + 13) / 25000)
     other = Simulation(model_of("ball"), state=simulation.state)
     assert np.array_equal(signals(simulation, 0.1), signals(other, 0.1))
+
+
+@pytest.mark.parametrize("of", [ideal, model_of])
+@pytest.mark.parametrize("target", [np.nextafter(70.0, 80.0), 70.02])
+def test_a_speed_that_stays_is_computed_as_one_that_changes(of, target):
+    # Blocks that begin elsewhere see another speed change within them; a motor's integral creeps on for long.
+    model, runs = changed(of("ball"), backup_bearing={"clearance": 0.02}), []
+    for size in (100_000, BLOCK - 1, 7):
+        simulation, parts = Simulation(model, state=state(tilt_x=1e-3, house_x=1e-9, speed=70.0)), []
+        simulation.set_speed(target, 10.0)
+        while simulation.sample < 100_000:
+            parts.append(signals_for(min(size, 100_000 - simulation.sample)))
+            simulation.advance(parts[-1])
+        runs.append(np.concatenate(parts, axis=1).tobytes())
+    assert runs[0] == runs[1] == runs[2]
 
 
 def in_small_steps(model, start: np.ndarray, wanted: np.ndarray) -> np.ndarray:
