@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from analysis.regime import Regime
 from daq.rig import Rig
 from simulator.clearance import bearing_edge
-from twin.display_data import MICRO, Contact, Curve, Frame, Orbit, Scene
+from twin.display_data import MICRO, Contact, Curve, Doubt, Frame, Orbit, Scene
 from twin.display_geometry import ruler, view_radius
 from twin.display_look import BACKGROUND, RESIDUALS, RULER, RUN, Colour, Look
 from twin.viewer import HOST, refuse_taken, wait_until_served
@@ -27,6 +27,7 @@ from twin.viewer import HOST, refuse_taken, wait_until_served
 SERVER_MEMORY = "256MB"  # kept for viewers that come late: about twenty minutes of a run
 TIMELINE = "time"  # s since the run's start: sample index over rate
 WINDOW = 10.0  # s that the plots show while a run is followed
+ELLIPSE_POINTS = 33
 ARROW = 4.0  # µm of arrow for one newton of contact force
 
 LEVELS = (rr.TextLogLevel.INFO, rr.TextLogLevel.WARN, rr.TextLogLevel.ERROR)
@@ -47,6 +48,7 @@ REGIMES = {
     Regime.FORWARD_WHIRL: (190, 90, 200),
     Regime.BACKWARD_WHIRL: (220, 60, 50),
 }
+WIDTHS = {"twin": 1.0, "band": 0.6}  # of lines on the screen, by what they tell; others are wider
 PLOTS = {  # title and share of the height
     "displacement": ("Displacement at the bearing, µm", 3.0),
     "force": ("Force, N", 3.0),
@@ -123,6 +125,8 @@ class Screen:
             self._draw_orbit(name, orbit)
         if "twin" in frame.orbits:
             self._draw_contact(frame.contact)
+        if frame.doubt is not None and "twin" in self._look.orbits:
+            self._draw_doubt(frame.doubt)
 
     def headline(self, time: float, text: str) -> None:
         """Show a line of Markdown above the views."""
@@ -184,7 +188,7 @@ class Screen:
         path = self._look.path(f"plots/{view}", rest)
         if name not in self._named:
             self._named.add(name)
-            width = 1.0 if name.endswith("/twin") else 1.6
+            width = WIDTHS.get(name.rpartition("/")[2], 1.6)
             style = rr.SeriesLines(
                 names=names,
                 colors=colours,
@@ -220,6 +224,15 @@ class Screen:
         sizes = rr.Radius.ui_points([size] * len(orbit.marks) + [0.5 * size])
         points = rr.Points2D(dots, radii=sizes, colors=colour, draw_order=order + 1.0)
         self._stream.log(self._look.path("orbit", f"{name}/keyphasor"), points)
+
+    def _draw_doubt(self, doubt: Doubt) -> None:
+        """Draw the ellipse of one standard deviation about the twin's newest position."""
+        colour, width, _, order = self._look.orbits["twin"]
+        turn = np.linspace(0.0, 2.0 * np.pi, ELLIPSE_POINTS)
+        ellipse = doubt.position + doubt.sigma * np.column_stack((np.cos(turn), np.sin(turn)))
+        radius = rr.Radius.ui_points(width)
+        line = rr.LineStrips2D([flipped(ellipse)], colors=colour, radii=radius, draw_order=order + 1.0)
+        self._stream.log(self._look.path("orbit", "twin/band"), line)
 
     def _draw_contact(self, contact: Contact | None) -> None:
         origins = np.empty((0, 2)) if contact is None else flipped(contact.position[np.newaxis])

@@ -22,6 +22,7 @@ TRAIL_REVOLUTIONS = 2.0
 TRAIL_SHORTEST, TRAIL_LONGEST = 0.1, 1.0  # s
 TRAIL_POINTS = 240  # of one orbit as drawn
 DRAWN = {"displacement_x", "displacement_y", "contact_force_x", "contact_force_y"}  # rows of an estimate
+BANDS = ("displacement_x_sigma", "displacement_y_sigma", "normal_force_sigma")  # likewise, where it has them
 
 Floats = NDArray[np.float64]
 Reduction = Callable[[Floats], Floats]
@@ -48,6 +49,13 @@ class Contact(NamedTuple):
     force: Points  # (2,) N
 
 
+class Doubt(NamedTuple):
+    """Where the twin takes the shaft's centre to be now, and the standard deviation of that along x and y."""
+
+    position: Points  # (2,) µm
+    sigma: Points  # (2,) µm
+
+
 class Frame(NamedTuple):
     """All that changed since the frame before."""
 
@@ -55,6 +63,7 @@ class Frame(NamedTuple):
     curves: dict[str, Curve]
     orbits: dict[str, Orbit]
     contact: Contact | None
+    doubt: Doubt | None
 
 
 class Numbers(NamedTuple):
@@ -169,6 +178,7 @@ class Scene:
         self._stride = 1
         self._rows: dict[str, int] = {}
         self._trails = {"measured": Trail(), "twin": Trail()}
+        self._doubt: Doubt | None = None
         self._marks = np.empty(0)  # s, when the encoder passed its zero
         self._last_angle = (-1, 0.0)  # index and value
 
@@ -203,6 +213,7 @@ class Scene:
             self._curves.take(),
             {name: orbit for name, orbit in orbits.items() if orbit is not None},
             contact,
+            self._doubt,
         )
 
     def _learn(self, estimate: Series) -> Stretches:
@@ -263,8 +274,24 @@ class Scene:
         self._curves.add("displacement/twin", times, path, width, mean)
         self._curves.add("force/twin", times, resultant[np.newaxis], width, largest)
         self._extend("twin", times, path, self._stride)
+        if self._rows.keys() >= set(BANDS):
+            self._add_bands(times, path, resultant, values[[self._rows[name] for name in BANDS]])
         hardest = int(resultant.argmax())
         return Contact(path[:, hardest], force[:, hardest]) if resultant[hardest] > 0.0 else None
+
+    def _add_bands(self, times: Floats, path: Points, force: Floats, sigma: Floats) -> None:
+        """Add one standard deviation below and above displacement (2, n) in µm and force (n,) in N.
+
+        `sigma` (3, n) is that of displacement along x and y (m) and of the normal force (N), from which the
+        resultant's differs by the friction's share only.
+        """
+        width = self._estimates.width if self._estimates else 1
+        place = MICRO * sigma[:2]
+        around = np.concatenate((path - place, path + place))
+        self._curves.add("displacement/band", times, around, width, mean)
+        limits = np.stack((np.maximum(force - sigma[2], 0.0), force + sigma[2]))
+        self._curves.add("force/band", times, limits, width, largest)
+        self._doubt = Doubt(path[:, -1], place[:, -1])
 
     def _extend(self, name: str, times: Floats, path: Points, stride: int) -> None:
         thin = max(1, round(self.rate / stride / TRAIL_RATE))

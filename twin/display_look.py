@@ -17,6 +17,7 @@ TWIN_X, TWIN_Y = (213, 94, 160), (60, 190, 130)
 MEASURED, TWIN, COMMAND = MEASURED_X, TWIN_X, (150, 150, 150)
 EDGE, RULER, CONTACT = (225, 225, 225), (80, 86, 96), (240, 80, 60)
 RESIDUALS = ((86, 180, 233), (240, 190, 70), (60, 190, 130), (213, 94, 160), (170, 140, 240), (200, 200, 200))
+BAND_X, BAND_Y = (124, 60, 96), (40, 112, 80)  # of the twin's standard deviation: its colours, darker
 BACKGROUND = (16, 18, 22)
 
 FORKS: tuple[tuple[Colour, Colour], ...] = (
@@ -54,8 +55,13 @@ RUN = Look(
     lines={
         "displacement/measured": (("x measured", "y measured"), (MEASURED_X, MEASURED_Y)),
         "displacement/twin": (("x twin", "y twin"), (TWIN_X, TWIN_Y)),
+        "displacement/band": (
+            ("x twin - 1 σ", "y twin - 1 σ", "x twin + 1 σ", "y twin + 1 σ"),
+            (BAND_X, BAND_Y, BAND_X, BAND_Y),
+        ),
         "force/transducers": (("transducers' resultant",), (MEASURED,)),
         "force/twin": (("twin's contact force",), (TWIN,)),
+        "force/band": (("twin - 1 σ", "twin + 1 σ"), (BAND_X, BAND_X)),
         "speed": (("set-point", "speed"), (COMMAND, MEASURED)),
     },
     orbits={"measured": (MEASURED, 1.6, 5.0, 20.0), "twin": (TWIN, 0.8, 3.5, 30.0)},

@@ -15,8 +15,10 @@ TWIN_NAMES = (
     "displacement_x", "displacement_y", "contact_force_x", "contact_force_y", "normal_force",
     "residual_proximity_x", "residual_proximity_y",
     "residual_force_top", "residual_force_bottom", "residual_force_left", "residual_force_right",
+    "displacement_x_sigma", "displacement_y_sigma", "normal_force_sigma",
 )  # fmt: skip
-TWIN_UNITS = ("m", "m", "N", "N", "N", "m", "m", "N", "N", "N", "N")
+TWIN_UNITS = ("m", "m", "N", "N", "N", "m", "m", "N", "N", "N", "N", "m", "m", "N")
+SIGMA, FORCE_SIGMA = (2e-6, 3e-6), 0.05  # m along x, y; share of the force
 SPEED_HZ = 10.0
 GAP = 1.5e-3  # m
 TOUCH = 1.47e-3  # m radius from which there is a contact force
@@ -72,7 +74,9 @@ def twin_samples(rig: Rig, first: int, count: int) -> np.ndarray:
     samples[2], samples[3] = -now.force * np.cos(now.angle - 0.7), -now.force * np.sin(now.angle - 0.7)
     samples[4] = now.force
     samples[5:7] = 1e-6 * np.sin(now.angle)
-    samples[7:] = 0.2 * np.cos(now.angle)
+    samples[7:11] = 0.2 * np.cos(now.angle)
+    samples[11], samples[12] = SIGMA
+    samples[13] = FORCE_SIGMA * now.force
     return samples
 
 

@@ -5,7 +5,7 @@ from daq import keys
 from daq.messages import Series, decode_series
 from daq.rig import Rig, load_rig
 from simulator.clearance import bearing_edge
-from tests.twin.drawn_run import SPEED_HZ, messages, motion
+from tests.twin.drawn_run import FORCE_SIGMA, SIGMA, SPEED_HZ, messages, motion
 from twin.display_data import BIN, Scene, Stretches, Trail, largest
 from twin.display_geometry import ruler, sensors_of, view_radius
 
@@ -144,8 +144,10 @@ class TestScene:
         for name in (
             "displacement/measured",
             "displacement/twin",
+            "displacement/band",
             "force/transducers",
             "force/twin",
+            "force/band",
             "speed",
         ):
             for left, right in zip(joined(one, name), joined(other, name), strict=True):
@@ -186,6 +188,19 @@ class TestScene:
         assert np.hypot(*contact.force) == pytest.approx(60.0, rel=1e-3)
         direction = contact.position / np.hypot(*contact.position)
         assert contact.force @ direction == pytest.approx(-60.0, rel=1e-3)
+
+    def test_bands_lie_one_standard_deviation_about_the_twin(self, rig, run):
+        frames = feed(Scene(rig), run, 20)
+        middle = joined(frames, "displacement/twin")[1]
+        around = joined(frames, "displacement/band")[1]
+        place = MICRO * np.array(SIGMA)
+        assert around[:, :2] == pytest.approx(middle - place, abs=1e-3)
+        assert around[:, 2:] == pytest.approx(middle + place, abs=1e-3)
+        force = joined(frames, "force/twin")[1]
+        band = np.array([1.0 - FORCE_SIGMA, 1.0 + FORCE_SIGMA])
+        assert joined(frames, "force/band")[1] == pytest.approx(force * band, rel=1e-5)
+        assert frames[-1].doubt.sigma == pytest.approx(place)
+        assert frames[-1].doubt.position == pytest.approx(frames[-1].orbits["twin"].path[-1], abs=20.0)
 
     def test_gap_breaks_the_lines_and_is_counted(self, rig, run):
         scene = Scene(rig)
