@@ -63,11 +63,13 @@ def test_products_skip_nothing_that_matters():
 
 def test_a_covariance_stays_symmetric():
     draw = np.random.default_rng(2)
-    top, root = draw.normal(size=(4, 6)), draw.normal(size=(6, 6))
+    top, root = draw.normal(size=(DYNAMIC, SIZE)), draw.normal(size=(SIZE, SIZE))
+    top[np.abs(top) < 0.5] = 0.0
     covariance = root @ root.T
-    whole = np.vstack((top, np.eye(6)[4:]))
+    whole = np.vstack((top, np.eye(SIZE)[DYNAMIC:]))
     expected = whole @ covariance @ whole.T
-    carry(top, covariance, np.empty((4, 6)), np.empty((6, 4)), np.empty((4, 4)))
+    scratch = np.empty((DYNAMIC, SIZE)), np.empty((SIZE, DYNAMIC)), np.empty((DYNAMIC, DYNAMIC))
+    carry(top, covariance, *scratch)
     assert covariance == pytest.approx(expected)
     assert (covariance == covariance.T).all()
 
