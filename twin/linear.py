@@ -5,7 +5,7 @@ Plain loops instead of slices: numba takes several seconds longer to compile ass
 
 import numpy as np
 
-from simulator.compile import kernel
+from simulator.compile import inlined, kernel
 from twin.layout import DYNAMIC, SIZE
 
 
@@ -51,28 +51,15 @@ def carry(
 ) -> None:
     """Set `covariance` (SIZE, SIZE) = F `covariance` F^T, exactly symmetric.
 
-    F is `transition` (DYNAMIC, SIZE) in its first rows and the unit matrix in the others; its zeros are
-    skipped. `half` (DYNAMIC, SIZE), `turned` (SIZE, DYNAMIC) and `square` (DYNAMIC, DYNAMIC) are scratch.
-    Loops of fixed length take two thirds of the time of loops over an array's shape.
+    F is `transition` (DYNAMIC, SIZE) in its first rows and the unit matrix in the others. `half`
+    (DYNAMIC, SIZE), `turned` (SIZE, DYNAMIC) and `square` (DYNAMIC, DYNAMIC) are scratch. Here and in what
+    it calls the loops' lengths are constants: it takes three fifths of the time.
     """
+    carry_rows(transition, covariance, half)
     for i in range(DYNAMIC):
-        for j in range(SIZE):
-            half[i, j] = 0.0
-        for k in range(SIZE):
-            factor = transition[i, k]
-            if factor != 0.0:
-                for j in range(SIZE):
-                    half[i, j] += factor * covariance[k, j]
         for j in range(SIZE):
             turned[j, i] = half[i, j]
-    for i in range(DYNAMIC):
-        for j in range(DYNAMIC):
-            square[i, j] = 0.0
-        for k in range(SIZE):
-            factor = transition[i, k]
-            if factor != 0.0:
-                for j in range(DYNAMIC):
-                    square[i, j] += factor * turned[k, j]
+    carry_columns(transition, turned, square)
     for i in range(DYNAMIC):
         for j in range(i + 1):
             mean = 0.5 * (square[i, j] + square[j, i])
@@ -86,6 +73,32 @@ def carry(
             mean = 0.5 * (covariance[i, j] + covariance[j, i])
             covariance[i, j] = mean
             covariance[j, i] = mean
+
+
+@inlined
+def carry_rows(transition: np.ndarray, covariance: np.ndarray, half: np.ndarray) -> None:
+    """Set `half` (DYNAMIC, SIZE) = `transition` (DYNAMIC, SIZE) @ `covariance`, skipping zeros."""
+    for i in range(DYNAMIC):
+        for j in range(SIZE):
+            half[i, j] = 0.0
+        for k in range(SIZE):
+            factor = transition[i, k]
+            if factor != 0.0:
+                for j in range(SIZE):
+                    half[i, j] += factor * covariance[k, j]
+
+
+@inlined
+def carry_columns(transition: np.ndarray, turned: np.ndarray, square: np.ndarray) -> None:
+    """Set `square` (DYNAMIC, DYNAMIC) = `transition` @ `turned` (SIZE, DYNAMIC), skipping zeros."""
+    for i in range(DYNAMIC):
+        for j in range(DYNAMIC):
+            square[i, j] = 0.0
+        for k in range(SIZE):
+            factor = transition[i, k]
+            if factor != 0.0:
+                for j in range(DYNAMIC):
+                    square[i, j] += factor * turned[k, j]
 
 
 @kernel
