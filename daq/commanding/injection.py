@@ -21,7 +21,7 @@ def fault_of(command: Command, sample: int, rate: float) -> Fault:
     after = row.pop("after", 0.0)
     if not after >= 0.0:
         raise RigError(f"after = {after:g} s must not be negative: a fault begins now or later")
-    if "pin" in row:
+    if command.values.get("pin", 0.5).is_integer():  # numbers travel as fractions
         row["pin"] = int(row["pin"])
     fault: Fault = tuple_at(Fault, row | {"at": sample / rate + after}, "inject")
     check_fault(fault)

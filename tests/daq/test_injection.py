@@ -1,5 +1,7 @@
 """Faults injected while the rig runs are those of a description that told them beforehand."""
 
+from math import inf, nan
+
 import numpy as np
 import pytest
 
@@ -88,6 +90,11 @@ def test_samples_come_twice_once_there_are_some():
         ),
         ({"kind": "worn-pin", "size": 1e-4}, "needs a pinned one"),
         ({"kind": "clearance-changed", "size": -1.0}, "leaves a clearance of"),
+        ({"kind": "worn-pin", "size": 1e-4, "pin": nan}, "pin = nan must be a whole number"),
+        ({"kind": "worn-pin", "size": 1e-4, "pin": inf}, "pin = inf must be a whole number"),
+        ({"kind": "worn-pin", "size": nan, "pin": 1}, "size = nan is outside"),
+        ({"kind": "dropped", "size": 10, "after": nan}, "after = nan s must not be negative"),
+        ({"kind": "dropped", "size": 10, "after": inf}, "at = inf is outside"),
         ({"kind": "late", "size": 0.1}, "a device in virtual time has no clock"),
     ],
 )
