@@ -17,6 +17,7 @@ EVEN = 0.5  # rad/s by which the speed may vary in nine tenths of a window
 REFERENCE = 2  # windows whose mean is the orbit that others are compared with, at least
 MOST_REFERENCE = 8  # as long as nothing is unusual
 USUAL, THRESHOLD, MOST = 1.5, 8.0, 7.0  # of the cumulative sum of mean squares of deviations
+LEAST_UNBALANCE = 0.02  # of the described one: near the resonance a speed not quite steady looks like less
 SPEED_STEP = 0.5  # rad/s by which speeds are told apart
 
 
@@ -61,7 +62,9 @@ class ProbeWatch:
             return []
         onset = self._sum.onset if self._sum.onset is not None else window.first_sample
         self.forget()
-        return [self._fault(cause_of(reference, orbit, self._directions, speed), speed, onset)]
+        fault = self._fault(cause_of(reference, orbit, self._directions, speed), speed, onset)
+        small = LEAST_UNBALANCE * self._model.rotor.unbalance
+        return [] if fault.kind == "unbalance" and fault.size < small else [fault]
 
     def forget(self) -> None:
         """Learn what is usual anew."""
