@@ -82,7 +82,7 @@ SCATTER = Bound(0.02, 4.0)  # dispersion over the clearance, from which a motion
 STEADY = Bound(0.003, 2.0)  # dispersion of `SETTLED` revolutions, below which nothing is chaotic
 RETURN = Bound(0.02, 0.9)  # dispersion of `WINDOW` revolutions, from which a motion is chaotic, together with
 NOISE = Bound(0.0105, 0.9)  # the broadband share of the marks' power
-"""`RETURN` and `NOISE` are a logistic regression: `python -m benchmarks.regime --fit`."""
+"""Both: a logistic regression on 300 motions; `python -m benchmarks.regime --fit` repeats it on others."""
 
 
 def likeliest(weights: Mapping[Regime, float]) -> Regime:
