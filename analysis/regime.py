@@ -80,9 +80,9 @@ FLAT = Bound(0.4, 4.0)  # minor over major axis, from which an orbit is no line
 PARTED = Bound(np.radians(30.0), 12.0)  # rad without any hit, from which two places are apart
 SCATTER = Bound(0.02, 4.0)  # dispersion over the clearance, from which a motion of one period has not settled
 STEADY = Bound(0.003, 2.0)  # dispersion of `SETTLED` revolutions, below which nothing is chaotic
-RETURN = Bound(0.02, 0.9)  # dispersion of `WINDOW` revolutions, from which a motion is chaotic, together with
-NOISE = Bound(0.0105, 0.9)  # the broadband share of the marks' power
-"""Both: a logistic regression on 300 motions; `python -m benchmarks.regime --fit` repeats it on others."""
+RETURN = Bound(0.02, 0.54)  # dispersion of `WINDOW` revolutions from which a motion is chaotic, together with
+NOISE = Bound(0.031, 0.94)  # the broadband share of the marks' power
+"""Both: the logistic regression that `python -m benchmarks.regime --fit` prints."""
 
 
 def likeliest(weights: Mapping[Regime, float]) -> Regime:

@@ -5,7 +5,7 @@ whirl backward (`tests.twin.regime_cases`), seen by the twin through noisy senso
 to 20 % off. What a motion truly is follows from the simulated force, path and Lyapunov exponent. The baseline
 of an accuracy is that of always naming the most frequent regime; of the Brier score, that of always saying
 the accuracy. `--fit` instead prints the logistic regression of chaos on dispersion and broadband share over
-other draws, as `analysis.regime.RETURN` and `NOISE` were found on earlier ones. Run
+other draws, from which `analysis.regime.RETURN` and `NOISE` are. Run
 `python -m benchmarks.regime`.
 """
 

@@ -59,7 +59,9 @@ def glide(
         last = move(tick, flight, steady, state, out, at)
         done = min(clear_columns(model, tick, flight, out, at), end - column)
         if not whole:
-            truth[:, column : column + done] = out[:, :done]
+            for row in range(truth.shape[0]):
+                for k in range(done):
+                    truth[row, column + k] = out[row, k]
         state = last if done == BLOCK else state_at(flight, out, at, done)
         column += done
         sample += done
@@ -70,10 +72,10 @@ def glide(
 def clear_columns(model: Model, tick: Tick, flight: Flight, truth: np.ndarray, column: int) -> int:
     """Return how many of a block's columns come before the first that is not clear; the first of all is."""
     station = model.rotor.bearing_station
-    ux, uy = cells(truth, 0, column), cells(truth, 1, column)
-    vx, vy = cells(truth, 2, column), cells(truth, 3, column)
-    hx, hy = cells(truth, 4, column), cells(truth, 5, column)
-    wx, wy = cells(truth, 6, column), cells(truth, 7, column)
+    ux, uy = cells(truth[0], column), cells(truth[1], column)
+    vx, vy = cells(truth[2], column), cells(truth[3], column)
+    hx, hy = cells(truth[4], column), cells(truth[5], column)
+    wx, wy = cells(truth[6], column), cells(truth[7], column)
     near = 0
     for k in range(1, BLOCK):
         x, y = station * ux[k] - hx[k], station * uy[k] - hy[k]

@@ -1,5 +1,7 @@
 """The map of free flight through a tick, as polynomials of the shaft's speed."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from simulator.clearance import least_clearance
@@ -21,7 +23,9 @@ def flight_of(model: Model, tick: Tick) -> Flight:
     spring = -(magnet.stiffness * arm + rotor.pivot_stiffness) / rotor.inertia
     drag, spin = -magnet.damping * arm / rotor.inertia, rotor.polar_inertia / rotor.inertia
 
-    def through(tilt: Polynomial, rate: Polynomial, moment: float, turning: bool) -> list[Polynomial]:
+    def through(
+        tilt: Polynomial, rate: Polynomial, moment: float, turning: bool
+    ) -> tuple[Polynomial, Polynomial]:
         load = scaled(moment / rotor.inertia, ONE)
         return series(spring, drag, spin, (tilt, rate, load), turning, tick.length)
 
@@ -42,6 +46,7 @@ def flight_of(model: Model, tick: Tick) -> Flight:
     )
 
 
+@lru_cache(maxsize=64)  # rigs of a sweep differ in little, and all make theirs under the interpreter's lock
 def series(
     spring: float,
     drag: float,
@@ -49,8 +54,8 @@ def series(
     start: tuple[Polynomial, Polynomial, Polynomial],
     turning: bool,
     length: float,
-) -> list[Polynomial]:
-    """Return [w, w'] after `length` s of w'' = spring w + (drag + spin p) w' + f, as polynomials of p.
+) -> tuple[Polynomial, Polynomial]:
+    """Return (w, w') after `length` s of w'' = spring w + (drag + spin p) w' + f, as polynomials of p.
 
     `start` is (w, w', f) at the beginning; f stays or, if `turning`, is multiplied by exp(p t).
     """
@@ -62,7 +67,7 @@ def series(
         w, v = scaled(scale, v), scaled(scale, pull)
         f = scaled(scale, times_p(f)) if turning else NONE
         total_w, total_v = plus(total_w, w), plus(total_v, v)
-    return [total_w, total_v]
+    return total_w, total_v
 
 
 def times_p(a: Polynomial) -> Polynomial:

@@ -1,5 +1,6 @@
 """Constants of a model at one length of tick, computed once."""
 
+from functools import lru_cache
 from math import ceil, sqrt, tau
 
 from simulator.candidates import SLIDING, STIFFNESS, candidates_of
@@ -87,6 +88,7 @@ def oscillator_map(stiffness: float, damping: float, duration: float) -> Matrix:
     return a[0], a[1] / natural, a[2] * natural, a[3]
 
 
+@lru_cache(maxsize=64)  # see `simulator.flight_map.series`
 def exponential(a: Matrix) -> Matrix:
     """Return the exponential of a 2 x 2 matrix: Taylor's series of a fraction of it, squared up again."""
     halvings = 0

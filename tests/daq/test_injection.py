@@ -125,8 +125,8 @@ def test_a_paced_device_is_late_and_its_clock_drifts_as_described():
     run.backend.inject(Fault(FaultKind.LATE, 0.2, 0.1))
     run.backend.inject(Fault(FaultKind.CLOCK_DRIFT, 0.6, 5000.0))
     run.until(1.0)
-    assert [event.kind for event in run.events()] == [event.kind for event in wanted.events()]
-    assert "late" in [event.kind for event in run.events()]
+    assert [event.kind for event in run.events] == [event.kind for event in wanted.events]
+    assert "late" in [event.kind for event in run.events]
     assert run.backend.pace == pytest.approx(wanted.backend.pace)
     assert run.backend.clock() == wanted.backend.clock() > 25_000
 
@@ -136,7 +136,7 @@ def test_the_past_cannot_be_changed():
     run = Run(rig_with()).until(0.3)
     run.backend.inject(Fault(FaultKind.DROPPED, 0.1, 100))
     run.until(0.4)
-    (gap,) = [event for event in run.events() if event.kind == "gap"]
+    (gap,) = [event for event in run.events if event.kind == "gap"]
     assert 7450 <= int(gap.details["first"]) <= 7550
 
 

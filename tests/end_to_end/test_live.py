@@ -179,6 +179,7 @@ def test_a_folder_that_becomes_unwritable_is_said_and_costs_no_sample(tmp_path):
     assert (account.first_sample, account.lost, account.clean) == (0, 0, True)
 
 
+@pytest.mark.parametrize("seconds", [4, pytest.param(9, marks=pytest.mark.slow)])
 def test_stopped_recorder_loses_nothing(tmp_path, seconds):
     path = tmp_path / "run.mcap"
     options = ("--plan", "none", "--view", "none")

@@ -9,7 +9,7 @@ from tests.conftest import require
 from tests.end_to_end.rig_process import PATIENT, Running, info, wait_until
 from tests.end_to_end.test_live import samples_shown
 from tests.twin.display_process import CHROMIUM, CHROMIUM_FLAGS, pixels_of
-from twin.display import MEASURED
+from twin.display_look import MEASURED
 
 SECONDS = 60
 RATE = 25_000

@@ -170,11 +170,11 @@ def test_check_answers_no_to_a_plan_beyond_the_rig(call, tmp_path):
 
 def test_check_answers_no_to_hits_that_the_device_does_not_end(call):
     device = ("--set", "acquisition.backend=opendaq", "--set", "device.address=daqref://device0")
-    code, said = call("plan", "check", "impacts", *device)
+    code, said = call("plan", "check", "resonance", *device)
     assert code == 1
     assert said == (
-        "impacts hits, but on the backend opendaq the device does not end a hit by its own timing: hits are "
-        "refused\n"
+        "resonance hits, but on the backend opendaq the device does not end a hit by its own timing: "
+        "hits are refused\n"
     )
 
 
