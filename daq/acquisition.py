@@ -226,7 +226,8 @@ class Acquisition:
         self._backend.stop()
 
     def fail(self, reason: str) -> None:
-        """Publish that the device failed, before `end`."""
+        """Publish that the device failed, before `end`; recording is switched on for it."""
+        self._record(True)
         self._events.add("failure", reason, self.sample, ALARM)
 
     def status(self) -> Status:

@@ -88,7 +88,7 @@ def resimulate(
 
     The signals are the recorded ones bit by bit, on a computer of the same numeric fingerprint, unless the
     device lost samples or the protection tripped: a trip drops the enable output too, at a sample that is
-    not told.
+    not told. What was left out of the recording, as commanded, is in the new one.
 
     Raises:
         RecordingError: the source is no emulated run, or cannot be read; the target cannot be written.

@@ -91,17 +91,19 @@ def simulate(
     from daq.describe import describe
     from daq.offline import perform
     from daq.recording import RecordingWriter
+    from daq.recording.withheld import Withheld
     from daq.timing import StartTime
     from twin.service import Twin
 
     start = StartTime(time.time_ns(), 0, "simulated")
     run_id = f"{rig.name}-simulated-{start.t0_ns}"
     observer = Twin(rig, run_id, start.t0_ns) if twin and rig.twin.model != "none" else None
-    block = keys.block(rig.name)
+    block, withheld = keys.block(rig.name), Withheld(rig.toml, rig.acquisition.rate)
     with RecordingWriter(path, describe(rig, run_id, start, emulated=True, meta=meta)) as writer:
 
         def record(key: str, payload: bytes) -> None:
-            writer.add(key, payload)
+            for message in withheld.release(key, payload):
+                writer.add(*message)
             if key == block and observer is not None:
                 for estimated in observer.process(payload):
                     writer.add(*estimated)

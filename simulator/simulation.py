@@ -117,7 +117,9 @@ class Simulation:
         """Have one more fault of the rig, from a sample on that is still to come. Raises `RigError`."""
         span = span_of(fault, self.rate)
         faults = sorted([*self._faults, span], key=lambda each: each.begin)
-        checked(damaged_at(self.whole, faults, span.begin))
+        for edge in edges(faults):
+            if edge >= span.begin:
+                checked(damaged_at(self.whole, faults, edge))
         self._faults = faults
         self._edges = sorted({*self._edges, *edges([span])})
 

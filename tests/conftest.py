@@ -3,6 +3,10 @@
 import os
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("busy", deadline=None)  # how long an example takes says nothing on a busy computer
+settings.load_profile("busy")
 
 
 @pytest.fixture(autouse=True)

@@ -15,6 +15,7 @@ from twin.estimate import STRIDE, Estimated, EstimateStatus
 from twin.fault import Fault
 from twin.findings import Findings, RegimeChange
 from twin.health import Health
+from twin.inputs import too_late
 from twin.observer import Observer
 from twin.trust import Change, Trust
 
@@ -134,6 +135,8 @@ class Twin:
             return [self._event("gap", text, first, severity, details)]
         if estimated.restarted and self.samples == 0:
             text = "the estimate begins" if first == 0 else f"the estimate begins late, {self._after(first)}"
+            if late := too_late(self.observer.rig):
+                text += f"; delay_s of {', '.join(late)} is longer than what it makes up for: taken as 0"
             return [self._event("start", text, first)]
         if estimated.status & EstimateStatus.LOST and first >= self._quiet_until:
             self._quiet_until = first + round(LOST_PERIOD * self._rate)
@@ -164,9 +167,9 @@ class Twin:
         details = {"channel": change.channel, "from": change.sample}
         if change.left_out:
             text = f"{change.channel} is left out: the estimate goes on without it, and is less certain"
-            return self._event("left_out", text, change.sample - 1, WARNING, details)
+            return self._event("sensor_left_out", text, change.sample - 1, WARNING, details)
         text = f"{change.channel} agrees with the estimate again and is taken in"
-        return self._event("taken_in", text, change.sample - 1, INFO, details)
+        return self._event("sensor_taken_in", text, change.sample - 1, INFO, details)
 
     def _event(
         self,

@@ -8,8 +8,8 @@ from simulator.compile import kernel
 from simulator.dynamics import Tick
 from simulator.rig import Model
 from twin.correction import correct
-from twin.fallback import measured_tilt
-from twin.lateness import begin_way, end_way, forget_ways, way_since
+from twin.fallback import UNSEEN_DOUBT, measured_tilt
+from twin.lateness import begin_way, end_way, forget_ways, way_since, way_variance
 from twin.layout import (
     DYNAMIC,
     HOUSE,
@@ -80,7 +80,7 @@ def observe(
             angle = feeds.sense * samples[feeds.angle, k] + memory.shaft[SPEED] * feeds.late
             track(memory.shaft, angle, tick.length)
         column = k // stride if k % stride == 0 else -1
-        correct_all(memory, sensors, samples, k, column, residuals, tally)
+        correct_all(memory, sensors, samples, k, column, residuals, tally, tick.length)
         bound(model, memory.state)
         report(model, memory, column, stride, tick.length, out, tally.peak)
 
@@ -106,6 +106,7 @@ def correct_all(
     column: int,
     residuals: np.ndarray,
     tally: Tally,
+    step: float,
 ) -> None:
     """Correct by every sensor whose reading at sample `k` is within its range; keep the innovations."""
     state, total, count = memory.state, 0.0, 0
@@ -117,16 +118,16 @@ def correct_all(
             continue
         columns, weights = sensors.columns[i], sensors.weights[i]
         innovation = reading - weights[0] * state[columns[0]] - weights[1] * state[columns[1]]
+        variance = sensors.variance[i]
         if sensors.late[i] > 0.0:
             innovation += weights[0] * way_since(memory, columns[0], sensors.late[i])
             innovation += weights[1] * way_since(memory, columns[1], sensors.late[i])
+            variance += way_variance(memory, columns, weights, sensors.late[i] * step)
         if column >= 0:
             residuals[i, column] = innovation
         tally.squares[i] += innovation * innovation
         tally.counts[i] += 1.0
-        ratio = correct(
-            state, memory.covariance, weights, columns, innovation, sensors.variance[i], memory.vector_work
-        )
+        ratio = correct(state, memory.covariance, weights, columns, innovation, variance, memory.vector_work)
         tally.ratios[i] += ratio
         total += ratio
         count += 1
@@ -149,6 +150,8 @@ def restart(memory: Memory, sensors: Sensors, feeds: Feeds, samples: np.ndarray,
     for axis in range(2):
         if np.isfinite(tilt[axis]):
             memory.state[TILT + axis] = tilt[axis]
+        else:
+            memory.covariance[TILT + axis, TILT + axis] = UNSEEN_DOUBT**2
 
 
 @kernel

@@ -3,8 +3,10 @@
 The observer's state is that of the sample. What a late sensor saw is that less the way since, and of the way
 the prediction tells: so the ways of the last ticks are kept, and a reading is compared with the state less
 the ways of its last ticks, the part of a tick in proportion. A correction since then moves past and present
-alike, so that no correction is made twice; the gain is that of the state now.
+alike, so that no correction is made twice. That the way is doubted too counts as noise of the reading.
 """
+
+import numpy as np
 
 from simulator.compile import kernel
 from twin.layout import HOUSE, LONGEST, TILT, Memory
@@ -40,6 +42,16 @@ def way_since(memory: Memory, column: int, ticks: float) -> float:
             break
         total += share * memory.ways[(head - age) % LONGEST, place]
     return total
+
+
+@kernel
+def way_variance(memory: Memory, columns: np.ndarray, weights: np.ndarray, seconds: float) -> float:
+    """Return the variance of a reading because the rates are doubted, by which its way was predicted."""
+    a, b = columns[0] + 2, columns[1] + 2  # the rates follow the places in `twin.layout`
+    covariance = memory.covariance
+    square = weights[0] * (weights[0] * covariance[a, a] + weights[1] * covariance[a, b])
+    square += weights[1] * (weights[0] * covariance[b, a] + weights[1] * covariance[b, b])
+    return square * seconds * seconds
 
 
 @kernel

@@ -127,6 +127,7 @@ class Observer:
         self.names = (*rows, *(f"residual_{name}" for name in self.sensor_names))
         self.units = (*rows.values(), *units)
         self._told = len(rows)
+        self._heard = np.ones(len(self.sensor_names), dtype=bool)  # sensors with a reading in the last block
 
     def update(self, series: Series) -> Estimated:
         """Take in the next block and return the estimate over it.
@@ -165,8 +166,8 @@ class Observer:
         )
 
     def can_do_without(self, name: str) -> bool:
-        """Tell whether there is another sensor of the rotor's place, or the sensor is none."""
-        sees = (self.sensors.columns[:, 0] == TILT) & np.isfinite(self.sensors.low)
+        """Tell whether another sensor sees the rotor's place, or the sensor is none that does."""
+        sees = (self.sensors.columns[:, 0] == TILT) & np.isfinite(self.sensors.low) & self._heard
         sees[self.sensor_names.index(name)] = False
         return bool(sees.any())
 
@@ -239,6 +240,7 @@ class Observer:
             out[self._told :],
             tally,
         )
+        self._heard = tally.counts > 0.0
         cause = self._cause_of_loss(out, tally, start)
         if cause:
             status |= EstimateStatus.LOST

@@ -25,6 +25,7 @@ from daq.ports import as_it_runs
 from daq.recording import Recording, RecordingError, RecordingWriter, part_path, parts, prepare, series_end
 from daq.recording.certificate import SERIES, Certificate
 from daq.recording.rotation import Rotation, rotation
+from daq.recording.withheld import Withheld
 from daq.rig import Rig, load_rig
 
 PROCESS = "recorder"
@@ -70,6 +71,7 @@ class Recorder:
         self.writer: RecordingWriter | None = None
         self.closed: list[Certificate] = []
         """Accounts of the parts that were closed."""
+        self._withheld: Withheld | None = None  # what comes while recording is off
         self._rotation = rotation or Rotation()
         self._stays = ""  # why it goes on in a part that is full
         self._rig, self._link = rig, link
@@ -112,7 +114,7 @@ class Recorder:
         finally:
             self._inbox.close()
             if self.writer is not None:
-                self.closed.append(self.writer.close(clean=self.writer.ledger.end_sample is not None))
+                self._close(self.writer)
 
     def _step(self) -> None:
         item = self._inbox.get(LOOK)
@@ -129,9 +131,10 @@ class Recorder:
             self._heard = time.monotonic()
         if self.writer is None and not is_status:
             self.writer = self._begin()
-        if self.writer is not None:
+        if self.writer is not None and self._withheld is not None:
             try:
-                self.writer.add(key, payload)
+                for message in self._withheld.release(key, payload):
+                    self.writer.add(*message)
             except (MessageError, DecodeError, KeyError) as error:
                 self._unreadable += 1
                 if self._unreadable == 1:
@@ -140,6 +143,15 @@ class Recorder:
                     )
 
         self._rotate_if_due(self.writer)
+
+    def _close(self, writer: RecordingWriter) -> None:
+        """Close the last part; where the run's end was not seen, with what was held back to the last."""
+        clean = writer.ledger.end_sample is not None
+        try:
+            for message in self._withheld.all_held() if self._withheld and not clean else ():
+                writer.add(*message)
+        finally:
+            self.closed.append(writer.close(clean=clean))
 
     def _rotate_if_due(self, writer: RecordingWriter | None) -> None:
         """Close the part that is full and go on in the next one, from the sample behind its last.
@@ -151,6 +163,8 @@ class Recorder:
         if not self._rotation.is_due(self._seconds(writer), writer.size):
             return
         end = writer.ledger.end_of("Block")
+        if end <= writer.description.first_sample:  # nothing but what is withheld has come
+            return
         following = Description()
         following.CopyFrom(writer.description)
         following.first_sample = end
@@ -185,6 +199,7 @@ class Recorder:
         description = self._description()
         description.first_sample = self._after + 1
         writer = RecordingWriter(self.path, description, part=self._part)
+        self._withheld = Withheld(description.toml, description.rate)
         if self._part > 1:
             writer.ledger.leave_out(*held(part_path(self._whole, part) for part in range(1, self._part)))
         return writer
@@ -219,7 +234,7 @@ class Recorder:
         assert self.writer is not None
         ledger = self.writer.ledger
         end = ledger.end_sample or 0
-        has_blocks = self.writer.lost == 0 and ledger.end_of("Block") >= end
+        has_blocks = not ledger.gaps(end)
         has_truth = not ledger.end_of("Truth") or ledger.reaches("Truth", end)
         if elapsed < DAQ_DRAIN and not (has_blocks and has_truth and quiet):
             return False

@@ -138,6 +138,8 @@ class Trust:
     def _take_in(self, name: str, sample: int) -> Change:
         del self._suspects[name]
         self._observer.take_in(name)
+        self._past.clear()  # what it learnt without the sensor is not to be learnt again with it
+        self._past.append(Stretch(self._observer.saved(), []))
         return Change(name, False, sample)
 
     def _leave_out(self, fault: Fault, sample: int) -> Change:

@@ -320,5 +320,5 @@ def simulation_of(rig: Rig) -> Simulation:
 def _advance(simulation: Simulation, signals: NDArray[np.float64]) -> None:
     try:
         simulation.advance(signals)
-    except SimulationError as error:
+    except (SimulationError, RigError) as error:
         raise BackendError(f"the emulated rig failed: {error}") from error

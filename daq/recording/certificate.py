@@ -218,12 +218,11 @@ class Ledger:
     def end_of(self, kind: str) -> int:
         """Return the index behind the last sample of a series, in this part or in those before."""
         before = (end for key, end in self._skip.items() if keys.topic(key).message == kind)
-        left_out = self._left_out.end if kind == "Block" else 0
-        return max(self.covered(kind).end, left_out, *before)
+        return max(self.covered(kind).end, *before, 0)
 
     def reaches(self, kind: str, end: int) -> bool:
-        """Whether a series is there up to the last block before `end`."""
-        return self.end_of(kind) > end - max(self._block, 1)
+        """Whether a series is there, or was left out, up to the last block before `end`."""
+        return max(self.end_of(kind), self._left_out.end) > end - max(self._block, 1)
 
     def held(self) -> tuple[dict[str, int], set[bytes]]:
         """Return what the next part is to leave out, as `leave_out` takes it."""

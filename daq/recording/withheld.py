@@ -14,7 +14,7 @@ OFF = int(BlockStatus.RECORDING_OFF)
 
 
 class Withheld:
-    """Passes on what is to be recorded.
+    """Passes on what is to be recorded, in whatever order series and events come.
 
     Series with the flag `RECORDING_OFF` are held back for the seconds that a region begins before its
     event, and passed on with a trip; after that time they are dropped.
@@ -28,6 +28,7 @@ class Withheld:
         usual = CaptureSettings().before
         self._length = round(float(tomllib.loads(toml).get("capture", {}).get("before", usual)) * rate)
         self._held: deque[tuple[int, str, bytes]] = deque()
+        self._calls: list[int] = []  # samples of the events that call for what came before them
 
     def release(self, key: str, payload: bytes) -> list[tuple[str, bytes]]:
         """Take a message; return the messages (key, payload) that are to be recorded now, in order.
@@ -37,16 +38,29 @@ class Withheld:
         """
         kind = keys.topic(key).message
         if kind in ("Block", "Truth") and read_status(payload) & OFF:
-            self._hold(key, payload)
+            sample = read_header(payload).sample
+            if any(self._wants(call, sample) for call in self._calls):
+                return [(key, payload)]
+            self._hold(sample, key, payload)
             return []
-        if not self._held or kind != "Event" or not calls(Event.FromString(payload)):
-            return [(key, payload)]
-        released = [(name, content) for _sample, name, content in self._held]
-        self._held.clear()
-        return [*released, (key, payload)]
+        if kind == "Event" and calls(event := Event.FromString(payload)):
+            self._calls.append(event.sample)
+            wanted = [(name, held) for sample, name, held in self._held if self._wants(event.sample, sample)]
+            self._held.clear()
+            return [*wanted, (key, payload)]
+        return [(key, payload)]
 
-    def _hold(self, key: str, payload: bytes) -> None:
-        sample = read_header(payload).sample
+    def _wants(self, call: int, sample: int) -> bool:
+        """Tell whether a series that begins at a sample is what an event calls for."""
+        return call - self._length <= sample <= call
+
+    def all_held(self) -> list[tuple[str, bytes]]:
+        """Return what is held, in order, and hold it no longer."""
+        held = [(key, payload) for _sample, key, payload in self._held]
+        self._held.clear()
+        return held
+
+    def _hold(self, sample: int, key: str, payload: bytes) -> None:
         self._held.append((sample, key, payload))
         while self._held[0][0] < sample - self._length:
             self._held.popleft()

@@ -34,7 +34,6 @@ from daq.recording.reader import (
 )
 from daq.recording.records import SEAL, seal
 from daq.recording.storage import RecordingError, Storage
-from daq.recording.withheld import Withheld
 from daq.timing import SampleClock
 
 CHUNK_SIZE = 256 * 1024  # bytes of messages that are compressed together
@@ -80,7 +79,6 @@ class RecordingWriter:
         self._schemas: dict[str, int] = {}
         self._certificate: Certificate | None = None
         self._overview = Overview()
-        self._withheld = Withheld(description.toml, description.rate)
         self._flushed = time.monotonic()
         self._storage = Storage(Path(path))
         self.path = self._storage.path
@@ -119,18 +117,13 @@ class RecordingWriter:
         return length(self.ledger.gaps(self.ledger.blocks.end))
 
     def add(self, key: str, payload: bytes) -> None:
-        """Record a message, unless it is of another run, recorded already, or not to be recorded.
+        """Record a message, unless it is of another run or recorded already.
 
         Raises:
             RecordingError: the disk refuses; said once, then nothing more is written. What was written
                 stays readable.
             MessageError: the payload is not what its key promises.
         """
-        for message in self._withheld.release(key, payload):
-            self._add(*message)
-
-    def _add(self, key: str, payload: bytes) -> None:
-        """Record a message that is to be recorded."""
         if self.failure is not None:
             return
         entry = self.ledger.admit(key, payload)

@@ -4,7 +4,7 @@ from math import inf, nan, tau
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from daq.backend import Capabilities, EnableOutput, HitOutput, RestOutput, SpeedOutput
@@ -220,7 +220,6 @@ def brute_force(pulses, window):
     return int((sums[window:] - sums[:-window]).max())
 
 
-@settings(deadline=None)
 @given(
     st.lists(st.tuples(st.integers(0, 20), st.integers(1, 10)), min_size=1, max_size=8), st.integers(1, 60)
 )

@@ -162,3 +162,13 @@ def test_the_emulated_device_takes_them_into_its_process():
         until(jumped)
     finally:
         backend.close()
+
+
+def test_two_that_the_rig_cannot_have_at_once_are_refused():
+    """Each could be alone: the second would take away what the first leaves of the clearance."""
+    run = Run(rig_with()).until(0.1)
+    clearance = run.rig.emulated_model.backup_bearing.clearance
+    run.backend.inject(Fault(FaultKind.CLEARANCE_CHANGED, 0.5, -0.6 * clearance))
+    with pytest.raises(OutputRefused):
+        run.backend.inject(Fault(FaultKind.CLEARANCE_CHANGED, 0.1, -0.6 * clearance))
+    run.until(1.0)

@@ -280,7 +280,7 @@ def test_runs_are_counted_as_a_person_would(flags, run):
     assert run_lengths(np.array(flags, bool), before).tolist() == expected
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.lists(st.floats(0.0, 600.0) | st.just(nan) | st.just(inf), min_size=1, max_size=40), st.data())
 def test_the_verdict_does_not_depend_on_how_the_samples_are_read(forces, data):
     row = np.repeat(np.array(forces, np.float32), 7)

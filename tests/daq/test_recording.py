@@ -103,7 +103,7 @@ def test_events_come_back_as_objects(tmp_path):
     assert isinstance(events[0], Event)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(sizes=st.lists(st.integers(1, 700), min_size=1, max_size=30), flush=st.integers(1, 9))
 def test_any_blocks_come_back_as_they_went_in(tmp_path_factory, sizes, flush):
     from daq.messages import SeriesEncoder

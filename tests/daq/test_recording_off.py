@@ -13,6 +13,7 @@ from daq.messages_pb2 import Command, Event
 from daq.recording import Recording, RecordingWriter, recover
 from daq.recording.certificate import Certificate
 from daq.recording.recorded_run import RecordedRun
+from daq.recording.withheld import Withheld
 from daq.rig import load_rig
 from replay.verify import IDENTICAL, verify
 from rigtwin.cli import main
@@ -61,9 +62,16 @@ class Run:
     def write(self, path):
         """Record what was published."""
         with RecordingWriter(path, description(run="run", toml=RIG.toml)) as writer:
-            for message in self.published:
-                writer.add(*message)
+            add(writer, self.published)
         return path
+
+
+def add(writer, messages):
+    """Record what a recorder would that hears these."""
+    withheld = Withheld(RIG.toml, RATE)
+    for message in messages:
+        for wanted in withheld.release(*message):
+            writer.add(*wanted)
 
 
 @pytest.fixture(scope="module")
@@ -107,8 +115,7 @@ def test_a_loss_beside_it_is_still_a_loss(switched, tmp_path):
     lost = switched.of(block)[24]  # 6000 to 6249
     switched_less = [message for message in switched.published if message[1] != lost]
     with RecordingWriter(tmp_path / "run.mcap", description(run="run", toml=RIG.toml)) as writer:
-        for message in switched_less:
-            writer.add(*message)
+        add(writer, switched_less)
         assert writer.lost == BLOCK
         account = writer.close()
     assert account.gaps == ((6000, 6249),)
@@ -120,15 +127,12 @@ def test_a_part_that_begins_meanwhile_does_not_miss_what_was_left_out(switched, 
     events = [each for name, each in switched.published if name == keys.event(RIG.name, "daq")]
     blocks = switched.of(keys.block(RIG.name))
     with RecordingWriter(tmp_path / "run.mcap", description(run="run", toml=RIG.toml)) as first:
-        for message in switched.published:
-            if message[1] not in blocks[20:]:
-                first.add(*message)
+        add(first, [message for message in switched.published if message[1] not in blocks[20:]])
         first.close(expected=2750, clean=False, continued=True)
     following = description(run="run", toml=RIG.toml, first_sample=2750)
     with RecordingWriter(tmp_path / "run.part2.mcap", following, part=2) as second:
         second.ledger.leave_out({keys.block(RIG.name): 2750}, events)
-        for block in blocks[20:]:
-            second.add(keys.block(RIG.name), block)
+        add(second, [(keys.block(RIG.name), block) for block in blocks[20:]])
         account = second.close(expected=7600)
     assert (account.gaps, account.left_out) == ((), ((2750, 4999),))
     with RecordedRun(tmp_path / "run.mcap") as run:
@@ -154,6 +158,64 @@ def test_a_trip_switches_it_on_and_has_what_came_before_it(tmp_path):
     assert account.gaps == ()
     recover(tmp_path / "run.mcap", tmp_path / "again.mcap")
     assert recorded_account(tmp_path / "again.mcap").left_out == account.left_out
+
+
+def tripped() -> Run:
+    """Recording is off from 0.1 s on, for 1.3 s, until a trip."""
+    run = Run()
+    run.go(0.1)
+    run.switch("off")
+    run.go(1.3)
+    run.ask("trip")
+    run.go(0.1)
+    run.daq.end()
+    return run
+
+
+def test_what_came_before_a_trip_is_recorded_whatever_comes_first(tmp_path):
+    """Blocks and events are fetched apart: here all events come before all blocks."""
+    run = tripped()
+    wanted = recorded_account(run.write(tmp_path / "run.mcap"))
+    run.published.sort(key=lambda message: message[0] != keys.event(RIG.name, "daq"))
+    found = recorded_account(run.write(tmp_path / "late.mcap"))
+    assert (found.left_out, found.received) == (wanted.left_out, wanted.received)
+
+
+def test_the_next_part_has_what_came_before_a_trip(tmp_path):
+    """The part changes between the event that tells what was left out and the trip."""
+    run = tripped()
+    wanted = recorded_account(run.write(tmp_path / "whole.mcap"))
+    withheld = Withheld(RIG.toml, RATE)
+    first = RecordingWriter(tmp_path / "run.mcap", description(run="run", toml=RIG.toml))
+    with (
+        first,
+        RecordingWriter(
+            tmp_path / "run.part2.mcap", description(run="run", toml=RIG.toml, first_sample=2500), part=2
+        ) as second,
+    ):
+        writer = first
+        for key, payload in run.published:
+            for message in withheld.release(key, payload):
+                writer.add(*message)
+            if key == keys.event(RIG.name, "daq") and Event.FromString(payload).kind == LEFT_OUT:
+                assert first.ledger.end_of("Block") == 2500
+                second.ledger.leave_out(*first.ledger.held())
+                writer = second
+        first.close(expected=2500, clean=False, continued=True)
+        account = second.close(clean=True)
+    assert (account.left_out, account.gaps) == (wanted.left_out, ())
+    assert account.received + 2500 == wanted.received
+
+
+def test_a_device_that_fails_meanwhile_loses_nothing_of_what_led_to_it(tmp_path):
+    run = Run()
+    run.go(0.2)
+    run.switch("off")
+    run.go(0.006)
+    run.daq.fail("the cable was pulled")
+    run.daq.end()
+    account = recorded_account(run.write(tmp_path / "run.mcap"))
+    assert (account.left_out, account.gaps, account.received) == ((), (), 5150)
 
 
 def recorded_account(path):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from daq.regions import Region, Regions
@@ -40,7 +40,6 @@ def test_a_region_ends_with_the_run_and_begins_with_it():
     assert told({3: "a", 95: "b"}, 100) == [Region(0, 23, ("a",)), Region(85, 99, ("b",))]
 
 
-@settings(deadline=None)
 @given(st.sets(st.integers(0, 299), max_size=12), st.integers(1, 9))
 def test_all_that_is_near_a_trigger_is_in_a_region(triggers, step):
     wanted, covered = np.zeros(300, bool), np.zeros(300, bool)

@@ -175,5 +175,5 @@ class Safety(RuleBasedStateMachine):
         assert all(before[1] <= after[0] for before, after in pairwise(pulses))
 
 
-Safety.TestCase.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
+Safety.TestCase.settings = settings(max_examples=60, stateful_step_count=40)
 TestSafety = Safety.TestCase

@@ -3,19 +3,21 @@
 import numpy as np
 import pytest
 
-from daq.rig import Rig, RigError, load_rig, with_overrides
+from daq.rig import Rig, load_rig, with_overrides
 from tests.twin.accuracy import observe
 from tests.twin.cases import OVERSAMPLING, hidden_rig
 from tests.twin.emulated import EmulatedRun, emulate, run_up
-from twin.observer import Observer
+from twin.inputs import HOUSE_LATE, too_late
+from twin.layout import LONGEST
+from twin.observer import EstimateStatus, Observer
 
-LATE = {"proximity_y": 6.5, "force_top": 3.0}  # samples
+LATE = {"proximity_x": 10.0, "proximity_y": 6.5}  # samples
 SETTLED = 200  # blocks
 
 
 @pytest.fixture(scope="module")
 def run() -> EmulatedRun:
-    """A run-up through impacts, two of whose channels are late, by three samples and by six and a half."""
+    """A run-up through impacts, two of whose probes are late, by ten samples and by six and a half."""
     rows = ",".join(
         f'{{name="late",kind="skew",at=0.0,channel="{name}",size={late * OVERSAMPLING}}}'
         for name, late in LATE.items()
@@ -63,7 +65,24 @@ def test_a_late_encoder_s_angle_is_taken_back():
     assert (turned + np.pi) % (2.0 * np.pi) - np.pi == pytest.approx(1e-3 * 20.0 * np.pi, abs=2e-3)
 
 
-def test_a_delay_that_is_longer_than_what_is_kept_is_refused():
-    rig = load_rig("thesis-ball", ["channel.proximity_x.delay_s=0.01"])
-    with pytest.raises(RigError, match=r"proximity_x delay_s = 0\.01 s is 250 samples"):
-        Observer(rig)
+@pytest.mark.parametrize(("quantity", "late"), [("displacement", LONGEST), ("force", HOUSE_LATE)])
+def test_the_state_is_not_lost_by_the_longest_delays(quantity, late):
+    rig = hidden_rig("thesis-ball", "exact", 31)
+    channels = [each.name for each in rig.channels if each.quantity == quantity]
+    rows = ",".join(
+        f'{{name="late",kind="skew",at=0.0,channel="{name}",size={late * OVERSAMPLING}}}' for name in channels
+    )
+    run = emulate(
+        with_overrides(rig, [f"emulator.fault=[{rows}]"]), run_up(8.0, 13.0, 2.5), oversampling=OVERSAMPLING
+    )
+    delay = late / rig.acquisition.rate
+    seen = observe(
+        run, Observer(with_overrides(rig, [f"channel.{name}.delay_s={delay}" for name in channels]))
+    )
+    assert not any(part.status & EstimateStatus.LOST for part in seen.parts)
+
+
+def test_a_longer_delay_is_taken_as_none_and_said():
+    rig = load_rig("thesis-ball", ["channel.proximity_x.delay_s=0.01", "channel.force_top.delay_s=8e-5"])
+    assert not Observer(rig).sensors.late.any()
+    assert too_late(rig) == ["proximity_x", "force_top"]

@@ -4,13 +4,14 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 
 from daq import keys
 from daq.messages import SeriesEncoder, decode_series
 from daq.messages_pb2 import Event
-from daq.rig import with_overrides
+from daq.rig import load_rig, with_overrides
 from tests.twin.cases import hidden_rig
-from tests.twin.emulated import EmulatedRun, emulate
+from tests.twin.emulated import EmulatedRun, emulate, run_up
 from twin.estimation import Twin
 from twin.observer import Observer
 
@@ -95,8 +96,8 @@ def test_after_a_drift_place_and_force_stay_within_their_bands_as_they_would_not
     run = faulted('kind="drift",channel="proximity_x",size=3e-5')
     account = told(run)
     kinds = [(each.kind, each.details.get("channel")) for each in account.events]
-    assert kinds.index(("sensor_fault", "proximity_x")) + 1 == kinds.index(("left_out", "proximity_x"))
-    since = next(each.sample for each in account.events if each.kind == "left_out") + 1
+    assert kinds.index(("sensor_fault", "proximity_x")) + 1 == kinds.index(("sensor_left_out", "proximity_x"))
+    since = next(each.sample for each in account.events if each.kind == "sensor_left_out") + 1
     assert BEGIN < since / run.rig.acquisition.rate < BEGIN + 2.0
     before, after = slice(0, (since - 1) // 5), slice(since // 5 + 1, None)
     assert np.isfinite(account.rows["residual_proximity_x"][before]).all()
@@ -113,7 +114,7 @@ def test_after_a_drift_place_and_force_stay_within_their_bands_as_they_would_not
 def test_a_sensor_that_is_good_again_is_taken_in_again():
     run = faulted(PASSING)
     events = [each for each in told(run).events if each.details.get("channel") == "proximity_x"]
-    assert [each.kind for each in events] == ["sensor_fault", "left_out", "taken_in"]
+    assert [each.kind for each in events] == ["sensor_fault", "sensor_left_out", "sensor_taken_in"]
     assert events[2].sample > (BEGIN + 0.6) * run.rig.acquisition.rate
     assert events[2].text == "proximity_x agrees with the estimate again and is taken in"
 
@@ -133,3 +134,26 @@ def test_the_last_sensor_of_the_rotor_s_place_is_not_left_out():
     assert observer.can_do_without("force_top")
     observer.take_in("proximity_y")
     assert observer.can_do_without("proximity_x")
+
+
+@pytest.fixture(scope="module")
+def impacts() -> EmulatedRun:
+    """Two seconds with impacts."""
+    return emulate(load_rig(RIG), run_up(8.0, 12.0, 2.0), seconds=2.0)
+
+
+@pytest.mark.parametrize("missing", [range(0), range(100, 105)], ids=["no-gap", "gap"])
+@pytest.mark.parametrize("since", [0, 60])
+@pytest.mark.parametrize("name", ["proximity_x", "proximity_y"])
+def test_with_one_probe_left_the_estimate_stays_finite_and_in_the_bearing(impacts, name, since, missing):
+    """Neither the beginning nor a gap is told by one probe alone: the other direction is doubted then."""
+    observer = Observer(impacts.rig)
+    for number, block in enumerate(impacts.blocks):
+        if number == since:
+            observer.leave_out(name)
+        if number not in missing:
+            estimated = observer.update(block)
+            rows = estimated.samples[: len(observer.names) - len(observer.sensor_names)]
+            assert np.isfinite(rows).all(), number
+            place = np.hypot(estimated.row("displacement_x"), estimated.row("displacement_y"))
+            assert place.max() < 2.0 * impacts.rig.model.backup_bearing.clearance, number
