@@ -90,7 +90,8 @@ class Setup:
                 self._roll(run.go(ROLL), rig)
                 run.ask("speed", speed_hz=0.0)
                 run.go(2.0)
-            for solenoid in rig.solenoids:
+            times_hits = (device.capabilities.longest_pulse_s or 0.0) >= HIT_DURATION
+            for solenoid in rig.solenoids if times_hits else ():
                 before = run.go(0.2)
                 run.ask(
                     "hit",

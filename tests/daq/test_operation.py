@@ -483,6 +483,7 @@ def test_hardware_is_not_armed_by_hand_before_a_plan_is_named(bench):
     rig = bench(device=Hardware)
     rig.run(0.1)
     assert "`rigtwin plan run PLAN`" in rig.command("arm").text
+    assert "`rigtwin plan run PLAN`" in rig.command("arm", texts={"plan": "one that nobody has read"}).text
     assert rig.command("plan", texts={"toml": WATCHED}).accepted
     rig.run(0.1)
     assert rig.command("stop").accepted
