@@ -20,8 +20,8 @@ from benchmarks.report import Figure, parser, show
 from tests.twin.regime_accuracy import PLAIN, Naming, accuracy, brier, naming, reliability
 from tests.twin.regime_cases import CHAOS, drawn_case, exponent, motion_of, settled, watched_run
 
-DRAWN = range(200, 300)
-OF_A_KIND = range(12)
+DRAWN = range(8000, 8100)
+OF_A_KIND = range(8000, 8012)
 FITTED = range(200)
 
 
