@@ -6,12 +6,13 @@ the same blocks and does nothing else. The link has no subscriber.
 """
 
 import time
+from functools import partial
 
 import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from benchmarks.report import Figure, medians, parser, rotated, show
+from benchmarks.report import Figure, in_turns, parser, show
 from daq import keys, protection
 from daq.acquisition import Acquisition
 from daq.backend import Capabilities, Output, Reading, RestOutput
@@ -146,12 +147,14 @@ def main() -> None:
     options.add_argument("--rounds", type=int, default=3)
     chosen = options.parse_args()
     measures = {"daq": daq_share, "bare": bare_share, "protection": protection_ms}
-    found: dict[str, list[float]] = {f"{name}_{count}": [] for name in measures for count in COUNTS}
-    for order in rotated(list(found), chosen.rounds):
-        for name in order:
-            kind, _, count = name.partition("_")
-            found[name].append(measures[kind](int(count)))
-    middle = medians(found)
+    middle = in_turns(
+        {
+            f"{name}_{count}": partial(measure, count)
+            for name, measure in measures.items()
+            for count in COUNTS
+        },
+        chosen.rounds,
+    )
     figures = {}
     for count in COUNTS:
         bare = middle[f"bare_{count}"]

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.report import Figure, medians, parser, rotated, show
+from benchmarks.report import Figure, in_turns, medians, parser, rotated, show, timed
 from daq.commanding.plan import load_plan
 from daq.recording import Recording
 from daq.rig import load_rig
@@ -66,14 +66,9 @@ def catalogue_seconds(path: Path, folder: Path, rounds: int) -> dict[str, float]
                 stream.seek(start)
                 stream.read()
 
-    ways: dict[str, Callable[[], object]] = {"catalogue": lambda: catalogue([folder]), "tails": tails}
-    seconds: dict[str, list[float]] = {name: [] for name in ways}
-    for order in rotated(list(ways), rounds):
-        for name in order:
-            began = time.perf_counter()
-            ways[name]()
-            seconds[name].append(time.perf_counter() - began)
-    return medians(seconds)
+    return in_turns(
+        {"catalogue": lambda: timed(lambda: catalogue([folder])), "tails": lambda: timed(tails)}, rounds
+    )
 
 
 def main() -> None:

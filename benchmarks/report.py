@@ -2,7 +2,8 @@
 
 import argparse
 import json
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from statistics import median
 from typing import NamedTuple
 
@@ -53,6 +54,22 @@ def show(figures: Mapping[str, Figure], as_json: bool) -> None:
 def rotated(names: list[str], rounds: int) -> list[list[str]]:
     """Return the variants' order for each round: each round begins with the next one, against drift."""
     return [names[shift % len(names) :] + names[: shift % len(names)] for shift in range(rounds)]
+
+
+def in_turns(variants: Mapping[str, Callable[[], float]], rounds: int) -> dict[str, float]:
+    """Return the median of what each variant measures, taking turns for `rounds` rounds."""
+    found: dict[str, list[float]] = {name: [] for name in variants}
+    for order in rotated(list(variants), rounds):
+        for name in order:
+            found[name].append(variants[name]())
+    return medians(found)
+
+
+def timed(action: Callable[[], object]) -> float:
+    """Return how long an action takes by the clock, s."""
+    began = time.perf_counter()
+    action()
+    return time.perf_counter() - began
 
 
 def medians(samples: Mapping[str, list[float]]) -> dict[str, float]:

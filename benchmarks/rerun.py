@@ -6,11 +6,9 @@ before: the recording was made in the same process.
 """
 
 import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.report import Figure, medians, parser, rotated, show
+from benchmarks.report import Figure, in_turns, parser, show, timed
 from daq.commanding.plan import load_plan
 from daq.rig import load_rig
 from replay.rerun import estimate
@@ -27,18 +25,12 @@ def measure(path: Path, rounds: int) -> dict[str, float]:
     def prove() -> None:
         assert verify(path).verdict == IDENTICAL
 
-    def replace() -> None:
-        estimate(path, anew)
+    def replace() -> float:
+        seconds = timed(lambda: estimate(path, anew))
+        anew.unlink()
+        return seconds
 
-    ways: dict[str, Callable[[], None]] = {"verify": prove, "twin": replace}
-    seconds: dict[str, list[float]] = {name: [] for name in ways}
-    for order in rotated(list(ways), rounds):
-        for name in order:
-            began = time.perf_counter()
-            ways[name]()
-            seconds[name].append(time.perf_counter() - began)
-            anew.unlink(missing_ok=True)
-    return medians(seconds)
+    return in_turns({"verify": lambda: timed(prove), "twin": replace}, rounds)
 
 
 def main() -> None:

@@ -21,7 +21,7 @@ from math import tau
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from benchmarks.report import Figure, medians, parser, rotated, show
+from benchmarks.report import Figure, in_turns, parser, show
 from daq.rig import load_rig
 from simulator.compile import kernel
 from simulator.contact import contact_force, penetration
@@ -245,13 +245,9 @@ class Stretch:
 
 def speeds_of(variants: dict[str, Callable[[], float]]) -> dict[str, float]:
     """Run each variant `ROUNDS` times, taking turns, after once for warming up; return the medians."""
-    found: dict[str, list[float]] = {name: [] for name in variants}
     for variant in variants.values():
         variant()
-    for names in rotated(list(variants), ROUNDS):
-        for name in names:
-            found[name].append(variants[name]())
-    return medians(found)
+    return in_turns(variants, ROUNDS)
 
 
 def compile_time() -> float:

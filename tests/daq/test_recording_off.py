@@ -139,7 +139,8 @@ def test_a_part_that_begins_meanwhile_does_not_miss_what_was_left_out(switched, 
         assert run.check().certificate.gaps == ()
 
 
-def test_a_trip_switches_it_on_and_has_what_came_before_it(tmp_path):
+def tripped() -> Run:
+    """Recording is off from 0.1 s on, for 1.3 s, until a trip."""
     run = Run()
     run.go(0.1)
     run.switch("off")
@@ -147,6 +148,11 @@ def test_a_trip_switches_it_on_and_has_what_came_before_it(tmp_path):
     run.ask("trip")
     run.go(0.1)
     run.daq.end()
+    return run
+
+
+def test_a_trip_switches_it_on_and_has_what_came_before_it(tmp_path):
+    run = tripped()
     (trip,) = run.events("trip")
     (told,) = run.events(LEFT_OUT)
     last = trip.sample // BLOCK * BLOCK - 1  # the trip's own block is recorded
@@ -158,18 +164,6 @@ def test_a_trip_switches_it_on_and_has_what_came_before_it(tmp_path):
     assert account.gaps == ()
     recover(tmp_path / "run.mcap", tmp_path / "again.mcap")
     assert recorded_account(tmp_path / "again.mcap").left_out == account.left_out
-
-
-def tripped() -> Run:
-    """Recording is off from 0.1 s on, for 1.3 s, until a trip."""
-    run = Run()
-    run.go(0.1)
-    run.switch("off")
-    run.go(1.3)
-    run.ask("trip")
-    run.go(0.1)
-    run.daq.end()
-    return run
 
 
 def test_what_came_before_a_trip_is_recorded_whatever_comes_first(tmp_path):
