@@ -1,12 +1,13 @@
 """How fast the simulator is: a run-up from 8 to 16 Hz with impacts, sampled at 25 kHz, on one core.
 
 Beside it, on the same job: a plain Runge-Kutta 4 at 10 us in numba that uses the same forces, and, on a
-stretch of it, `scipy.integrate.solve_ivp` with the same compiled derivatives, begun anew at each contact's
-entry and exit. The plain one also stands beside runs at constant, prescribed speeds: free of contact
-(20 Hz), bouncing (12 Hz), and in permanent contact (990 g mm at 20 Hz), and the same with the motor and its
-controller. A sweep of 1000 rigs runs on one thread and on two, by the clock. Variants take turns in rotated
-order; figures are medians, in processor time but for the sweep. Run `python -m benchmarks.simulator`; with
-`--ross PYTHON`, a Python that has ross-rotordynamics, its rub model stands beside the bouncing rig.
+stretch of it, `scipy.integrate.solve_ivp` (RK45 and DOP853) with the same compiled derivatives, begun anew
+at each contact's entry and exit. The plain one also stands beside runs at constant, prescribed speeds: free
+of contact (20 Hz), bouncing (12 Hz), and in permanent contact (990 g mm at 20 Hz), and the same with the
+motor and its controller. A sweep of 1000 rigs runs on one thread and on two, by the clock. Variants take
+turns in rotated order; figures are medians, in processor time but for the sweep. Run
+`python -m benchmarks.simulator`; with `--ross PYTHON`, a Python that has ross-rotordynamics, its rub model
+stands beside the bouncing rig.
 """
 
 import json
@@ -16,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from math import tau
 
 import numpy as np
@@ -38,6 +40,7 @@ CHUNK = 1000  # samples a call
 RAMP = tau * 0.5  # rad/s2: 16 s from 8 to 16 Hz
 SECONDS = 16.0
 STRETCH = 0.4  # s, for scipy
+SCIPY = ("RK45", "DOP853")
 PLAIN = "plain Runge-Kutta 4 at 10 us, numba"
 PLAIN_SUBSTEPS = 4  # of 10 us
 CONSTANT_CHUNK = 5000  # samples a call at constant speed, where a call's own 9 us would show
@@ -217,14 +220,21 @@ class Stretch:
             simulation.advance(self.buffer)
         return 10 * STRETCH / (time.process_time() - begin)
 
-    def scipy(self) -> float:
-        """Run scipy's integrator with its own tolerances, sampled at 25 kHz; return the same."""
+    def scipy(self, method: str) -> float:
+        """Run an integrator of scipy's, sampled at 25 kHz; return the same."""
         times, at, y = np.arange(round(STRETCH * 25000)) / 25000.0, 0.0, self.start.copy()
         begin = time.process_time()
         while at < STRETCH:
             wanted = times[times >= at]
             part = solve_ivp(
-                self._rates, (at, STRETCH), y, t_eval=wanted, events=self._crossing, rtol=1e-6, atol=1e-9
+                self._rates,
+                (at, STRETCH),
+                y,
+                method,
+                t_eval=wanted,
+                events=self._crossing,
+                rtol=1e-6,
+                atol=1e-9,
             )
             if not len(part.t_events[0]):
                 break
@@ -293,7 +303,7 @@ def measured(ross: str | None) -> dict[str, Figure]:
             "ideal": Job(ideal).simulated,
             "plain": jobs.plain,
             "stretch": stretch.simulated,
-            "scipy": stretch.scipy,
+            **{method: partial(stretch.scipy, method) for method in SCIPY},
             **{name: job.simulated for name, job in constant.items()},
             **{f"{name}_plain": job.plain for name, job in constant.items()},
             "two_cores": lambda: sweep_rate(ideal, 2),
@@ -305,7 +315,12 @@ def measured(ross: str | None) -> dict[str, Figure]:
         "run_up": Figure(speed["motor"], unit, DEMANDED, "what is demanded"),
         "run_up_prescribed_speed": Figure(speed["ideal"], unit, DEMANDED, "what is demanded"),
         "run_up_plain": Figure(speed["motor"], unit, speed["plain"], PLAIN),
-        "impacts_scipy": Figure(speed["stretch"], unit, speed["scipy"], "solve_ivp with contact events"),
+        **{
+            f"impacts_{method.lower()}": Figure(
+                speed["stretch"], unit, speed[method], f"solve_ivp with {method} and events"
+            )
+            for method in SCIPY
+        },
         **{name: Figure(speed[name], unit, speed[f"{name}_plain"], PLAIN) for name in constant},
         "sweep_of_1000": Figure(speed["two_cores"], unit, speed["one_core"], "one thread instead of two"),
         "first_start": Figure(compile_time(), "s", 15.0, "what a new user may wait for the kernels"),
