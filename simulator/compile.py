@@ -28,7 +28,8 @@ def kernel(function: Function) -> Function:
     """Compile `function` on its first call; release the interpreter's lock while it runs.
 
     Divisions by zero give infinities as in numpy. Floating-point operations are neither reordered nor
-    fused, so that equal inputs give equal bits.
+    fused, so that equal inputs give equal bits. It can make no array: without numba's runtime nobody counts
+    who uses one, which for the observer's thirty took as long as its arithmetic.
     """
     return compiled(function, inline=False)
 
@@ -45,8 +46,8 @@ def compiled(function: Function, inline: bool) -> Function:
     previous = settings.CACHE_DIR
     settings.CACHE_DIR = str(folder or "")
     try:
-        decorator = numba.njit(cache=folder is not None, nogil=True, error_model="numpy", forceinline=inline)
-        return cast(Function, decorator(function))
+        options: Any = {"cache": folder is not None, "nogil": True, "error_model": "numpy", "_nrt": False}
+        return cast(Function, numba.njit(forceinline=inline, **options)(function))
     finally:
         settings.CACHE_DIR = previous
 

@@ -12,7 +12,7 @@ import numpy as np
 from simulator.compile import inlined, kernel
 from simulator.contact import relative_motion
 from simulator.dynamics import Tick
-from simulator.flight_block import ANGLE, BLOCK, INTEGRAL, SPEED, Flight, cells, move, put_loads, turn
+from simulator.flight_block import ANGLE, BLOCK, INTEGRAL, SPEED, Flight, move, put_loads, turn
 from simulator.rig import Model
 from simulator.state import State
 
@@ -72,10 +72,10 @@ def glide(
 def clear_columns(model: Model, tick: Tick, flight: Flight, truth: np.ndarray, column: int) -> int:
     """Return how many of a block's columns come before the first that is not clear; the first of all is."""
     station = model.rotor.bearing_station
-    ux, uy = cells(truth[0], column), cells(truth[1], column)
-    vx, vy = cells(truth[2], column), cells(truth[3], column)
-    hx, hy = cells(truth[4], column), cells(truth[5], column)
-    wx, wy = cells(truth[6], column), cells(truth[7], column)
+    ux, uy = truth[0, column : column + BLOCK], truth[1, column : column + BLOCK]
+    vx, vy = truth[2, column : column + BLOCK], truth[3, column : column + BLOCK]
+    hx, hy = truth[4, column : column + BLOCK], truth[5, column : column + BLOCK]
+    wx, wy = truth[6, column : column + BLOCK], truth[7, column : column + BLOCK]
     near = 0
     for k in range(1, BLOCK):
         x, y = station * ux[k] - hx[k], station * uy[k] - hy[k]

@@ -171,11 +171,11 @@ def move(tick: Tick, flight: Flight, steady: bool, state: State, truth: np.ndarr
     else:
         x, y, rate_x, rate_y = swing(work, 1, state, truth, column)
     house_x, house_y, house_rate_x, house_rate_y, ring = settle_on(tick, state, truth, column)
-    copy(work, ANGLE, cells(truth[9], column))
-    copy(work, SPEED, cells(truth[10], column))
-    copy(work, WANTED, cells(truth[15], column))
+    copy(work, ANGLE, truth[9, column : column + BLOCK])
+    copy(work, SPEED, truth[10, column : column + BLOCK])
+    copy(work, WANTED, truth[15, column : column + BLOCK])
     for row in (11, 12, 13, 14, 16):  # of contact and solenoids
-        put_zeros(cells(truth[row], column), 0)
+        put_zeros(truth[row, column : column + BLOCK], 0)
     return State(
         x,
         y,
@@ -197,8 +197,8 @@ def swing(
     work: np.ndarray, each: int, state: State, truth: np.ndarray, column: int
 ) -> tuple[float, float, float, float]:
     """Move the rotor on, by the first tick's map throughout where `each` is 0, else 1; return its state."""
-    tilts_x, tilts_y = cells(truth[0], column), cells(truth[1], column)
-    rates_x, rates_y = cells(truth[2], column), cells(truth[3], column)
+    tilts_x, tilts_y = truth[0, column : column + BLOCK], truth[1, column : column + BLOCK]
+    rates_x, rates_y = truth[2, column : column + BLOCK], truth[3, column : column + BLOCK]
     x, y, rate_x, rate_y = state.tilt_x, state.tilt_y, state.tilt_rate_x, state.tilt_rate_y
     for k in range(BLOCK):
         tilts_x[k], tilts_y[k], rates_x[k], rates_y[k] = x, y, rate_x, rate_y
@@ -221,9 +221,9 @@ def settle_on(
     """Move house and ring on as `simulator.dynamics.settle` does; return their state."""
     x, y, rate_x, rate_y = state.house_x, state.house_y, state.house_rate_x, state.house_rate_y
     ring = state.ring_speed
-    places_x, places_y = cells(truth[4], column), cells(truth[5], column)
-    rates_x, rates_y = cells(truth[6], column), cells(truth[7], column)
-    rings = cells(truth[8], column)
+    places_x, places_y = truth[4, column : column + BLOCK], truth[5, column : column + BLOCK]
+    rates_x, rates_y = truth[6, column : column + BLOCK], truth[7, column : column + BLOCK]
+    rings = truth[8, column : column + BLOCK]
     still = x == 0.0 and y == 0.0 and rate_x == 0.0 and rate_y == 0.0 and ring == 0.0
     for k in range(1 if still else BLOCK):
         places_x[k], places_y[k], rates_x[k], rates_y[k], rings[k] = x, y, rate_x, rate_y, ring
@@ -238,14 +238,8 @@ def settle_on(
         ring = faded(tick.ring_decay * ring)
     if still:
         for row in range(4, 9):
-            put_zeros(cells(truth[row], column), 1)
+            put_zeros(truth[row, column : column + BLOCK], 1)
     return x, y, rate_x, rate_y, ring
-
-
-@inlined
-def cells(row: np.ndarray, column: int) -> np.ndarray:
-    """Return the block's part of a row of signals; an index into it needs no check for being negative."""
-    return row[column : column + BLOCK]
 
 
 @inlined

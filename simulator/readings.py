@@ -146,8 +146,9 @@ class Readings:
                 volts = volts + self._scale(channel) * size * ages
             elif fault.kind == FaultKind.RUNOUT:
                 angle = known[ANGLE, self._memory + begin : self._memory + begin + count]
-                turned = np.ascontiguousarray(angle) - radians(fault.angle_deg)
-                volts = volts + self._scale(channel) * size * cosines(turned)
+                cosines = np.ascontiguousarray(angle) - radians(fault.angle_deg)
+                become_cosines(cosines)
+                volts = volts + self._scale(channel) * size * cosines
         return volts
 
     def _scale(self, channel: int) -> float:
@@ -188,9 +189,7 @@ def row_of(fault: Fault, names: Sequence[str], table: SensorTable) -> int:
 
 
 @kernel
-def cosines(angle: np.ndarray) -> np.ndarray:
-    """Return the cosine of each angle (rad), by arithmetic alone."""
-    found = np.empty(angle.shape[0])
-    for index in range(angle.shape[0]):
-        found[index] = sine_cosine(angle[index])[1]
-    return found
+def become_cosines(angles: np.ndarray) -> None:
+    """Put the cosine of each angle (rad) in its place, by arithmetic alone."""
+    for index in range(angles.shape[0]):
+        angles[index] = sine_cosine(angles[index])[1]

@@ -59,8 +59,8 @@ def fallback_of(model: Model, step: float, variance: float) -> Fallback:
 
 
 @kernel
-def advance(fallback: Fallback, tilt: np.ndarray) -> None:
-    """Go on by one tick and correct by a measured `tilt` (2,), rad; NaN where nothing was measured."""
+def advance(fallback: Fallback, tilt: tuple[float, float]) -> None:
+    """Go on by one tick and correct by a measured `tilt` (x, y), rad; NaN where nothing was measured."""
     state, flow, gain = fallback.state, fallback.flow, fallback.gain
     first = fallback.ticks[0] == 0.0
     for axis in range(2):
@@ -85,18 +85,17 @@ def advance(fallback: Fallback, tilt: np.ndarray) -> None:
 @kernel
 def follow(fallback: Fallback, sensors: Sensors, samples: np.ndarray, stride: int, out: np.ndarray) -> None:
     """Run over `samples` (n_channels, n); each `stride`-th tilt, rate and acceleration go to `out` (6, n)."""
-    tilt, state = np.empty(2), fallback.state
+    state = fallback.state
     for k in range(samples.shape[1]):
-        measured_tilt(sensors, samples, k, tilt)
-        advance(fallback, tilt)
+        advance(fallback, measured_tilt(sensors, samples, k))
         if k % stride == 0:
             for i in range(3):
                 out[2 * i, k // stride], out[2 * i + 1, k // stride] = state[0, i], state[1, i]
 
 
 @kernel
-def measured_tilt(sensors: Sensors, samples: np.ndarray, k: int, tilt: np.ndarray) -> None:
-    """Set `tilt` (2,), rad, by least squares from the readings of sample `k` that see it, else to NaN."""
+def measured_tilt(sensors: Sensors, samples: np.ndarray, k: int) -> tuple[float, float]:
+    """Return the tilt (x, y), rad, by least squares of the readings of sample `k` that see it, else NaN."""
     xx, xy, yy, to_x, to_y = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(sensors.channel.size):
         reading = float(samples[sensors.channel[i], k])
@@ -108,9 +107,9 @@ def measured_tilt(sensors: Sensors, samples: np.ndarray, k: int, tilt: np.ndarra
             to_x += along * reading
             to_y += across * reading
     scale = xx * yy - xy * xy
-    seen = scale > LEAST_ANGLE**2 * (xx + yy) ** 2
-    tilt[0] = (yy * to_x - xy * to_y) / scale if seen else np.nan
-    tilt[1] = (xx * to_y - xy * to_x) / scale if seen else np.nan
+    if not scale > LEAST_ANGLE**2 * (xx + yy) ** 2:
+        return np.nan, np.nan
+    return (yy * to_x - xy * to_y) / scale, (xx * to_y - xy * to_x) / scale
 
 
 def tilt_variance(sensors: Sensors) -> float:

@@ -145,8 +145,7 @@ def restart(memory: Memory, sensors: Sensors, feeds: Feeds, samples: np.ndarray,
     lock(memory.shaft, samples[feeds.angle], feeds.sense, step)
     memory.shaft[ANGLE] += memory.shaft[SPEED] * feeds.late
     forget_motion(memory)
-    tilt = memory.vector_work
-    measured_tilt(sensors, samples, 0, tilt)
+    tilt = measured_tilt(sensors, samples, 0)
     for axis in range(2):
         if np.isfinite(tilt[axis]):
             memory.state[TILT + axis] = tilt[axis]
