@@ -1,9 +1,10 @@
 """Cost of recording against a bare mcap writer of the same messages, and speed of replay and check.
 
 The messages are those of a simulated run. The bare writer takes them as the mcap package offers: chunks of
-256 kB, zstd, no flush, no account of what came. Replay goes through a real link to another process'
-subscriber, that reads every message; its baseline is real time. The recorder process, at real time, is
-compared with a process that is a zenoh subscriber and a bare mcap writer and nothing else.
+256 kB, zstd, no flush, no account of what came. The recorder process, at real time, is compared with a
+process that is a zenoh subscriber and a bare mcap writer and nothing else. Replay goes through a real link to
+another process' subscriber, that reads every message; beside real time it is compared, in turns, with a
+process that reads the same file with the mcap package and puts each message into zenoh, and nothing else.
 """
 
 import json
@@ -13,13 +14,15 @@ import tempfile
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
-from statistics import mean
+from statistics import mean, median
 
 import zenoh
+from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from benchmarks.report import Figure, medians, parser, rotated, show
+from benchmarks.report import Figure, in_turns, medians, parser, rotated, show
 from daq import keys
 from daq.commanding.plan import load_plan
 from daq.link import Inbox, Link, free_ports
@@ -31,6 +34,7 @@ from rigtwin.simulate_command import simulate
 RIG = "thesis-ball"
 PATIENCE = 120.0
 LIVE_SECONDS = 10.0
+PLACES = ("ENDPOINT", "FILE")
 
 
 def bare(messages: list[Message], source: Recording, path: Path) -> None:
@@ -80,33 +84,76 @@ def measure_writers(source: Recording, folder: Path, rounds: int) -> tuple[dict[
 def listen(rig: Rig) -> float:
     """Read a replay to its end; return the seconds from the first block to the last."""
     inbox = Inbox(1024, "wait")
+    block, event = keys.block(rig.name), keys.event(rig.name, "daq")
     times = []
     with Link(connect=[rig.link.endpoint("daq")]) as link:
         link.subscribe(keys.everything(rig.name), inbox, recover=True)
         link.announce(keys.alive(rig.name, "twin"))
         while (item := inbox.get(PATIENCE)) is not None:
-            if item[0] == keys.block(rig.name):
+            if item[0] == block:
                 times.append(time.monotonic())
-            if item[0] == keys.event(rig.name, "daq") and Event.FromString(item[1]).kind == "end":
+            if item[0] == event and Event.FromString(item[1]).kind == "end":
                 break
         inbox.close()
     return times[-1] - times[0]
 
 
-def replay_seconds(path: Path, folder: Path) -> float:
+def play_seconds(path: Path, folder: Path, *, bare: bool) -> float:
     """Play a recording as fast as it is taken; return how long that takes."""
     rig = with_ports(load_rig(RIG), free_ports(4))
     toml = folder / "replay.toml"
     toml.write_text(rig.toml)
-    command = [sys.executable, "-P", "-m", "replay", "play", str(path), "--rig", str(toml)]
-    options = ["--rate", "max", "--wait-for", "twin"]
+    ours = [
+        "-P",
+        "-m",
+        "replay",
+        "play",
+        str(path),
+        "--rig",
+        str(toml),
+        "--rate",
+        "max",
+        "--wait-for",
+        "twin",
+    ]
+    loop = ["-m", "benchmarks.recording", "--bare-player", rig.link.endpoint("daq"), str(path)]
     with (
-        subprocess.Popen([*command, *options], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL) as player,
+        subprocess.Popen(
+            [sys.executable, *(loop if bare else ours)], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL
+        ) as player,
         ThreadPoolExecutor(1) as pool,
     ):
         seconds = pool.submit(listen, rig).result()
+        player.stdin.close()
         player.wait(PATIENCE)
     return seconds
+
+
+def play_bare(endpoint: str, path: Path) -> None:
+    """Be a player made of nothing but mcap and zenoh: publish what a replay publishes, to whoever comes."""
+    with path.open("rb") as file, bare_session(listen=[endpoint]) as session:
+        reader = make_reader(file)
+        topics = [channel.topic for channel in reader.get_summary().channels.values()]
+        publishers = {
+            topic: session.declare_publisher(topic, congestion_control=zenoh.CongestionControl.BLOCK)
+            for topic in topics
+            if keys.process_of(topic) != "twin" and keys.topic(topic).message != "Status"
+        }
+        while not all(publisher.matching_status.matching for publisher in publishers.values()):
+            time.sleep(0.02)
+        for _schema, channel, message in reader.iter_messages(list(publishers)):
+            publishers[channel.topic].put(message.data)
+        sys.stdin.read()
+
+
+def bare_session(**endpoints: list[str]) -> zenoh.Session:
+    """Return zenoh's session that listens or connects there and looks for nobody by itself."""
+    configuration = zenoh.Config()
+    configuration.insert_json5("mode", '"peer"')
+    configuration.insert_json5("scouting/multicast/enabled", "false")
+    for way in ("listen", "connect"):
+        configuration.insert_json5(f"{way}/endpoints", json.dumps(endpoints.get(way, [])))
+    return zenoh.open(configuration)
 
 
 def recorder_shares(messages: list[Message], source: Recording, folder: Path) -> dict[str, float]:
@@ -152,13 +199,8 @@ def recorder_shares(messages: list[Message], source: Recording, folder: Path) ->
 
 def record_bare(endpoint: str, path: Path) -> None:
     """Be a recorder made of nothing but zenoh and mcap; print the share of a core that it takes."""
-    configuration = zenoh.Config()
-    configuration.insert_json5("mode", '"peer"')
-    configuration.insert_json5("scouting/multicast/enabled", "false")
-    configuration.insert_json5("listen/endpoints", "[]")
-    configuration.insert_json5("connect/endpoints", json.dumps([endpoint]))
     topics: dict[str, int] = {}
-    with path.open("wb") as file, zenoh.open(configuration) as session:
+    with path.open("wb") as file, bare_session(connect=[endpoint]) as session:
         writer = Writer(file, chunk_size=256 * 1024, compression=CompressionType.ZSTD)
         writer.start()
         schema = writer.register_schema("rigtwin", "protobuf", b"")
@@ -206,12 +248,14 @@ def main() -> None:
     options = parser(__doc__)
     options.add_argument("--rounds", type=int, default=5)
     options.add_argument("--plan", default="resonance")
-    options.add_argument(
-        "--bare", nargs=2, metavar=("ENDPOINT", "FILE"), help="be the recorder compared with"
-    )
+    options.add_argument("--bare", nargs=2, metavar=PLACES, help="be the recorder compared with")
+    options.add_argument("--bare-player", nargs=2, metavar=PLACES, help="be the player compared with")
     chosen = options.parse_args()
     if chosen.bare:
         record_bare(chosen.bare[0], Path(chosen.bare[1]))
+        return
+    if chosen.bare_player:
+        play_bare(chosen.bare_player[0], Path(chosen.bare_player[1]))
         return
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -223,8 +267,13 @@ def main() -> None:
             last = source.description.t0_ns + int(LIVE_SECONDS * 1e9)
             live = [message for message in source.messages() if message.log_time < last]
             shares = recorder_shares(live, source, folder)
-        speeds = [duration / replay_seconds(path, folder) for _ in range(chosen.rounds)]
-        checks = [duration / check_seconds(path) for _ in range(chosen.rounds)]
+        players = {"ours": False, "bare": True}
+        replays = in_turns(
+            {name: partial(play_seconds, path, folder, bare=bare) for name, bare in players.items()},
+            chosen.rounds,
+        )
+        checks = median(duration / check_seconds(path) for _ in range(chosen.rounds))
+    speeds = {name: duration / value for name, value in replays.items()}
     per_second = {name: value / duration for name, value in seconds.items()}
     figures = {
         "writer_cpu": Figure(per_second["ours"], "core", per_second["bare"], "bare mcap writer"),
@@ -232,8 +281,11 @@ def main() -> None:
         "recorder_cpu": Figure(
             shares["ours"], "core", shares["bare"], "bare zenoh subscriber and mcap writer"
         ),
-        "replay_speed": Figure(sorted(speeds)[len(speeds) // 2], "s/s", 1.0, "real time"),
-        "check_speed": Figure(sorted(checks)[len(checks) // 2], "s/s", 1.0, "real time"),
+        "replay_speed": Figure(speeds["ours"], "s/s", 1.0, "real time"),
+        "replay_against_bare": Figure(
+            speeds["ours"], "s/s", speeds["bare"], "bare mcap reader and zenoh put"
+        ),
+        "check_speed": Figure(checks, "s/s", 1.0, "real time"),
     }
     show(figures, chosen.json)
 

@@ -53,6 +53,20 @@ class Layout:
 
     def read(self, payload: bytes) -> Variable | None:
         """Return what differs in a message; None when it is laid out in another way."""
+        found = self._open(payload)
+        if found is None:
+            return None
+        first_sample, status, body = found
+        samples = b"".join([body[part] for part in self._samples])
+        return Variable(first_sample, status, self._shape, self._labels, samples)
+
+    def extent(self, payload: bytes) -> tuple[int, int] | None:
+        """Return the first sample of a message and its columns; None when it is laid out in another way."""
+        found = self._open(payload)
+        return None if found is None else (found[0], self._shape[1])
+
+    def _open(self, payload: bytes) -> tuple[int, int, bytes] | None:
+        """Return first sample, status and what stands behind it, if all that is fixed is as it should be."""
         position = AFTER_TIMESTAMP + len(self._run)
         if not payload or payload[0] != TIMESTAMP or not payload.startswith(self._run, AFTER_TIMESTAMP):
             return None
@@ -63,8 +77,7 @@ class Layout:
         body = payload[position:]
         if len(body) != self._size or b"".join([body[part] for part in self._fixed]) != self._frame:
             return None
-        samples = b"".join([body[part] for part in self._samples])
-        return Variable(first_sample, status, self._shape, self._labels, samples)
+        return first_sample, status, body
 
 
 class SeriesDecoder:
@@ -91,6 +104,18 @@ class SeriesDecoder:
         series = decode_series(payload)
         self._like = series, Layout(series)
         return series
+
+    def extent(self, payload: bytes) -> tuple[int, int]:
+        """Return the first sample of a series and its columns, and leave its samples where they are.
+
+        Raises:
+            MessageError: as `decode`.
+        """
+        found = self._like[1].extent(payload) if self._like else None
+        if found is not None:
+            return found
+        series = self.decode(payload)
+        return series.first_sample, series.samples.shape[1]
 
 
 class HeaderLayout:

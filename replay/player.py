@@ -196,9 +196,9 @@ class Player:
             self._publishers[key] = self._link.publish(key, wait=True)
         self._publishers[key].put(payload)
         if key == self._block:
-            series = self._blocks.decode(payload)
-            self._sample = series_end(series)
-            self._played += series.samples.shape[1]
+            first, count = self._blocks.extent(payload)
+            self._sample = first + count
+            self._played += count
         elif key == self._event:
             event = Event.FromString(payload)
             self._last_event = event.sequence

@@ -393,28 +393,31 @@ def _put(inbox: Inbox, subscription: Subscription) -> _Receive:
 
     def receive(sample: zenoh.Sample) -> None:
         _keep_thread_state()
-        payload = sample.payload.to_bytes()
-        stamp = _stamp(sample)
-        if stamp is not None and not is_whole(payload, stamp):
-            inbox.count_drop()
-        elif sample.congestion_control == zenoh.CongestionControl.BLOCK:
-            inbox.put(str(sample.key_expr), payload, subscription.is_abandoned)
-        else:
-            inbox.offer(str(sample.key_expr), payload)
+        _put_whole(sample, _stamp(sample), inbox, subscription)
 
     return receive
 
 
+def _put_whole(sample: zenoh.Sample, stamp: Stamp | None, inbox: Inbox, subscription: Subscription) -> None:
+    """Put a message into an inbox; count it as dropped if it is not what was published under this stamp."""
+    payload = sample.payload.to_bytes()
+    if stamp is not None and not is_whole(payload, stamp):
+        inbox.count_drop()
+    elif sample.congestion_control == zenoh.CongestionControl.BLOCK:
+        inbox.put(str(sample.key_expr), payload, subscription.is_abandoned)
+    else:
+        inbox.offer(str(sample.key_expr), payload)
+
+
 def _offer(key: str, inbox: Inbox, subscription: Subscription, recovery: Recovery) -> _Receive:
     """Return a callback that offers messages that a cache holds to an inbox, and puts all others."""
-    put = _put(inbox, subscription)
     only_key = None if "*" in key else key
 
     def receive(sample: zenoh.Sample) -> None:
         _keep_thread_state()
         stamp = _stamp(sample)
         if stamp is None or not stamp[0]:
-            put(sample)
+            _put_whole(sample, stamp, inbox, subscription)
         else:
             inbox.offer(only_key or str(sample.key_expr), sample.payload.to_bytes(), stamp, recovery)
 

@@ -12,6 +12,7 @@ import zlib
 from collections.abc import Iterator
 from enum import IntEnum
 from pathlib import Path
+from threading import local
 from typing import NamedTuple
 
 import zstandard
@@ -56,6 +57,16 @@ LONG = struct.Struct("<Q")
 ZSTD = b"\x04\0\0\0zstd"
 ZSTD_AT = HEAD.size + CHUNK.size  # from a chunk's first byte to the name of its compression
 DATA_AT = CHUNK.size + len(ZSTD) + LONG.size  # from the beginning of its content to the compressed data
+
+
+class _Own(local):
+    """A decompressor for each thread: making one takes half as long as unpacking a chunk with it."""
+
+    def __init__(self) -> None:
+        self.decompressor = zstandard.ZstdDecompressor()
+
+
+_own = _Own()
 
 
 class Damage(ValueError):
@@ -246,7 +257,7 @@ def unpack_chunk(content: bytes) -> bytes:
         if compression == "zstd":
             if size > LARGEST_CHUNK or zstandard.frame_content_size(data) not in (size, -1):
                 raise Damage("its size is damaged")
-            data = zstandard.decompress(data, max_output_size=size)
+            data = _own.decompressor.decompress(data, max_output_size=size)
         elif compression:
             raise Damage(f"its compression {compression!r} is not zstd")
     except (struct.error, UnicodeDecodeError, zstandard.ZstdError, MemoryError) as error:

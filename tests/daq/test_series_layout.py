@@ -58,7 +58,8 @@ def test_the_quick_decoder_says_what_the_decoder_says(make, make_other, messages
     decoder = SeriesDecoder()
     for other, columns, values in messages:
         payload = (make_other if other else make)(columns, *values)
-        found, expected = decoder.decode(payload), decode_series(payload)
+        extent, found, expected = decoder.extent(payload), decoder.decode(payload), decode_series(payload)
+        assert extent == (expected.first_sample, expected.samples.shape[1])
         assert found._replace(samples=None) == expected._replace(samples=None)
         assert found.samples.tobytes() == expected.samples.tobytes()
         assert found.samples.shape == expected.samples.shape
