@@ -49,6 +49,7 @@ CASES = ("mm", "struct")
 BLOCK = 250  # samples of a block
 WHIRL_UNBALANCE = 9e-5  # kg m
 VIOLENT = 800.0  # N from which a block counts as violent contact
+BEGUN = 1_700_000_000  # s since 1970, of the first sample: a block of a run always tells a time
 FIRST_RAW = 3.0  # N of the transducers' resultant from which an impact is taken to be there
 
 
@@ -182,7 +183,7 @@ def costs() -> dict[str, Figure]:
 
 def timed(run: EmulatedRun) -> tuple[np.ndarray, np.ndarray]:
     """Return for each block of a run but the first how long its estimate took (s) and its share of a core."""
-    twin, payloads = Twin(run.rig, "run", 0), encoded(run)
+    twin, payloads = Twin(run.rig, "run", BEGUN * 10**9), encoded(run)
     twin.process(payloads[0])
     walls, shares = [], []
     for payload in payloads[1:]:
@@ -195,8 +196,12 @@ def timed(run: EmulatedRun) -> tuple[np.ndarray, np.ndarray]:
 
 def encoded(run: EmulatedRun) -> list[bytes]:
     """Return a run's blocks as they are published."""
-    encoder = SeriesEncoder("run", run.rig.acquisition.rate, run.rig.channels.names, run.rig.channels.units)
-    return [encoder.encode(0.0, block.first_sample, 0, block.samples) for block in run.blocks]
+    rate, channels = run.rig.acquisition.rate, run.rig.channels
+    encoder = SeriesEncoder("run", rate, channels.names, channels.units)
+    return [
+        encoder.encode(BEGUN + block.first_sample / rate, block.first_sample, 0, block.samples)
+        for block in run.blocks
+    ]
 
 
 def violent_run() -> EmulatedRun:
@@ -208,7 +213,14 @@ def violent_run() -> EmulatedRun:
 def offline_speed(run: EmulatedRun) -> float:
     """Return how many seconds of a run `rigtwin twin` estimates in one, files read and written."""
     rig = run.rig
-    begun = Description(run="run", rig=rig.name, toml=rig.toml, rate=rig.acquisition.rate, mode="EMULATED")
+    begun = Description(
+        run="run",
+        rig=rig.name,
+        toml=rig.toml,
+        rate=rig.acquisition.rate,
+        mode="EMULATED",
+        t0_ns=BEGUN * 10**9,
+    )
     with TemporaryDirectory() as folder:
         source, target = Path(folder) / "run.mcap", Path(folder) / "estimated.mcap"
         with RecordingWriter(source, begun) as writer:

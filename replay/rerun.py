@@ -16,6 +16,7 @@ from daq.recording.certificate import Certificate
 from daq.rig import Rig, rig_from_text
 from daq.series_layout import SeriesDecoder
 from replay.history import NOT_RECEIVED, History, RepeatableRun
+from replay.pipeline import ahead, behind
 from twin.estimation import SOURCE, Twin
 
 Progress = Callable[[int], object]
@@ -103,14 +104,15 @@ def estimate(source: str | Path, target: str | Path, progress: Progress = lambda
         twin = Twin(rig_of(run), description.run, description.t0_ns)
         with RecordingWriter(target, description) as writer:
             writer.note("twin", {"source": run.path.name, **versions()})
-            for message in without_twin(run):
-                writer.add(message.key, message.payload)
-                if message.key == keys.block(description.rig):
-                    for made in _process(twin, message.payload):
-                        writer.add(*made)
-                    progress(twin.observer.expected or 0)
-            for made in twin.finish():
-                writer.add(*made)
+            with ahead(without_twin(run)) as messages, behind(writer.add) as write:
+                for message in messages:
+                    write(message.key, message.payload)
+                    if message.key == keys.block(description.rig):
+                        for made in _process(twin, message.payload):
+                            write(*made)
+                        progress(twin.observer.expected or 0)
+                for made in twin.finish():
+                    write(*made)
             stored = run.files[-1].certificate
             return writer.close(
                 expected=stored.first_sample + stored.expected if stored else None,

@@ -35,7 +35,7 @@ class ChannelWatch:
             sorted((end - each.offset) / each.sensitivity for end in each.ok or each.range)
             for each in self._channels
         ]
-        self._low, self._high = np.array(bounds).T.reshape(2, -1, 1)
+        self._low, self._high = np.array(bounds).T
         self._outside = np.zeros(len(self._rows), dtype=int)
         self._still = np.zeros(len(self._rows), dtype=int)
         self._told: set[int] = set()
@@ -48,9 +48,12 @@ class ChannelWatch:
     def add(self, block: Series) -> list[Fault]:
         """Take in a block and return what it proves."""
         values = block.samples[self._rows]
-        inside = (values > self._low) & (values < self._high)
-        self._outside = np.where(inside.any(axis=1), 0, self._outside + 1)
-        self._still = np.where(np.ptp(values, axis=1) > 0.0, 0, self._still + 1)
+        smallest, largest = values.min(axis=1), values.max(axis=1)
+        good = (smallest > self._low) & (largest < self._high)
+        if not good.all():
+            good = ((values > self._low[:, np.newaxis]) & (values < self._high[:, np.newaxis])).any(axis=1)
+        self._outside = np.where(good, 0, self._outside + 1)
+        self._still = np.where(largest > smallest, 0, self._still + 1)
         size = values.shape[1]
         faults = []
         for kind, counts, least in (("lost", self._outside, LOST), ("stuck", self._still, STUCK)):

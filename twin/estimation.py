@@ -7,10 +7,11 @@ import numpy as np
 from analysis.regime import named
 from daq import keys
 from daq.events import EventCounter
-from daq.messages import BlockStatus, SeriesEncoder, decode_series
+from daq.messages import BlockStatus, SeriesEncoder
 from daq.messages_pb2 import INFO, WARNING, Parameter, Severity
 from daq.regions import KIND, Regions
 from daq.rig import Rig
+from daq.series_layout import SeriesDecoder
 from twin.estimate import STRIDE, Estimated, EstimateStatus
 from twin.fault import Fault
 from twin.findings import Findings, RegimeChange
@@ -59,6 +60,7 @@ class Twin:
         self._quiet_until = 0
         self._regions = Regions(*rig.regions)
         self._largest_residual = rig.capture.residual
+        self._decoder = SeriesDecoder()
         self._encoder = SeriesEncoder(run, self._rate, self.observer.names, self.observer.units, STRIDE)
         self._keys = keys.estimate(rig.name), keys.twin_summary(rig.name), keys.event(rig.name, SOURCE)
 
@@ -69,7 +71,7 @@ class Twin:
         is passed over, so that equal estimates follow from the recording. Raises MessageError for bytes
         that are no block, ValueError for a block of another rig or from the past.
         """
-        block = decode_series(payload)
+        block = self._decoder.decode(payload)
         self.reached = block.first_sample + block.samples.shape[1]
         if block.status & RECORDING_OFF:
             self._passed_over = True

@@ -6,14 +6,16 @@ from pathlib import Path
 
 import pytest
 
+from daq import keys
 from daq.recording import Recording, RecordingError
-from daq.rig import load_rig
+from daq.rig import load_rig, rig_from_text
 from recordings.reference import FOLDER
 from replay.found import found_rig, last_summary
 from replay.rerun import estimate
 from rigtwin.cli import build_parser, main
 from rigtwin.plan_command import rig_as_found
 from tests.daq.recorded_run import record
+from twin.estimation import Twin
 
 
 @pytest.fixture(scope="module")
@@ -21,6 +23,22 @@ def twinned(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("found") / "out.mcap"
     estimate(FOLDER / "ball.mcap", path)
     return path
+
+
+def test_an_estimate_made_anew_holds_what_the_twin_makes_of_each_block(twinned):
+    with Recording(FOLDER / "ball.mcap") as recording:
+        description = recording.description
+        twin = Twin(rig_from_text(description.toml, "the recording"), description.run, description.t0_ns)
+        made = [
+            each
+            for message in recording.messages(keys.block(description.rig))
+            for each in twin.process(message.payload)
+        ]
+    made += twin.finish()
+    with Recording(twinned) as recording:
+        for key in {key for key, _ in made}:
+            payloads = [message.payload for message in recording.messages(key)]
+            assert payloads == [payload for name, payload in made if name == key], key
 
 
 def test_the_last_summary_tells_what_was_found_and_the_rig_file_takes_it_over(twinned, tmp_path):
