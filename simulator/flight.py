@@ -3,16 +3,36 @@
 Without contact and solenoids the shaft's speed depends on the drive alone, and everything else is linear.
 A tick's map of the rotor is a short polynomial of the tick's mean speed; `simulator.flight_map` works the
 coefficients out, once for a model. So the drive is taken through some ticks first, then their maps and
-loads are worked out side by side, then the rotor goes through them. Nothing is carried from tick to tick
-but the state: it does not matter how samples are divided among calls.
+loads are worked out side by side, then the rotor goes through them; where the speed stays, a table has
+the maps and loads of a whole block.
+
+A block begins where the flight does or where the block before ends. One that is longer than what is asked for
+is computed in spare memory, where the next call finds the rest of it: it does not matter how samples are
+divided among calls.
 """
 
 import numpy as np
 
 from simulator.compile import inlined, kernel
 from simulator.contact import relative_motion
+from simulator.drive import set_point
 from simulator.dynamics import Tick
-from simulator.flight_block import ANGLE, BLOCK, INTEGRAL, SPEED, Flight, move, put_loads, turn
+from simulator.flight_block import (
+    ANGLE,
+    BLOCK,
+    CLEAR,
+    FIRST,
+    INTEGRAL,
+    SPEED,
+    WANTED,
+    Flight,
+    put_loads,
+    put_rest,
+    settle_on,
+    swing,
+    turn,
+)
+from simulator.flight_table import look_up
 from simulator.rig import Model
 from simulator.state import State
 
@@ -52,20 +72,60 @@ def glide(
     and its state.
     """
     while column < end and clear(model, tick, flight, state):
-        whole = end - column >= BLOCK
+        flown = ticks_flown(tick, flight, ramp, sample, state)
+        whole = flown == 0 and end - column >= BLOCK
         out, at = (truth, column) if whole else (flight.spare, 0)
-        steady = turn(model.drive, tick, flight, ramp, sample, state)
-        put_loads(tick, flight, steady)
-        last = move(tick, flight, steady, state, out, at)
-        done = min(clear_columns(model, tick, flight, out, at), end - column)
+        if flown == 0:
+            fly_block(model, tick, flight, ramp, sample, state, out, at)
+            flight.work[FIRST] = sample
+            flight.work[CLEAR] = clear_columns(model, tick, flight, out, at)
+        done = min(int(flight.work[CLEAR]) - flown, end - column)
         if not whole:
             for row in range(truth.shape[0]):
                 for k in range(done):
-                    truth[row, column + k] = out[row, k]
-        state = last if done == BLOCK else state_at(flight, out, at, done)
+                    truth[row, column + k] = out[row, flown + k]
+        state = state_at(flight, out, at, flown + done)
         column += done
         sample += done
     return column, state
+
+
+@inlined
+def ticks_flown(tick: Tick, flight: Flight, ramp: np.ndarray, sample: int, state: State) -> int:
+    """Return how many ticks before a sample the block in spare memory begins; 0 if it does not go on there.
+
+    It does if a call ended within it and neither the state nor the set-points were changed since.
+    """
+    flown = sample - int(flight.work[FIRST])
+    if flown <= 0 or flown >= int(flight.work[CLEAR]):
+        return 0
+    changes = 0
+    for now, then in zip(state, state_at(flight, flight.spare, 0, flown)):  # noqa: B905 - numba has no strict
+        changes += now != then
+    for k in range(BLOCK + 1 - flown):
+        changes += set_point(ramp, sample + k, tick.length) != flight.work[WANTED + flown + k]
+    return flown if changes == 0 else 0
+
+
+@inlined
+def fly_block(
+    model: Model,
+    tick: Tick,
+    flight: Flight,
+    ramp: np.ndarray,
+    sample: int,
+    state: State,
+    truth: np.ndarray,
+    column: int,
+) -> None:
+    """Move everything on; fill `BLOCK` columns of `truth`, and the spare memory's last with what is after."""
+    if turn(model.drive, tick, flight, ramp, sample, state):
+        look_up(tick, flight, state, truth, column)
+    else:
+        put_loads(tick, flight)
+        swing(flight, state, truth, column)
+    settle_on(tick, flight, state, truth, column)
+    put_rest(flight, truth, column)
 
 
 @inlined
@@ -94,7 +154,9 @@ def clear_columns(model: Model, tick: Tick, flight: Flight, truth: np.ndarray, c
 
 @inlined
 def state_at(flight: Flight, truth: np.ndarray, column: int, k: int) -> State:
-    """Return the state before a block's tick k; the block begins at `column` of `truth` (17, n)."""
+    """Return the state before tick k of the block that begins at `column` of `truth` (17, n), or after it."""
+    if k == BLOCK:
+        truth, column = flight.spare, 0
     at = column + k
     return State(
         truth[0, at],

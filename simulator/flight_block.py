@@ -1,8 +1,8 @@
 """Some ticks of free flight at once: what goes from tick to tick one after another, all else side by side.
 
-Drive and rotor wait for the tick before. Everything between them, the maps and loads, is worked out in loops
-over the block's ticks that the compiler turns into vector instructions. Where the speed stays exactly as it
-is, so does the map. Each tick's arithmetic is the same wherever the block begins.
+Where the speed changes, drive and rotor wait for the tick before. Everything between them, the maps and
+loads, is worked out in loops over the block's ticks that the compiler turns into vector instructions. Where
+the speed stays exactly as it is, nothing waits: see `simulator.flight_table`.
 """
 
 from typing import NamedTuple
@@ -19,7 +19,10 @@ from simulator.state import State
 BLOCK = 64  # ticks that are worked out at once, so that processors do several of them in one instruction
 ROW = BLOCK + 8  # of the working memory
 WANTED, SPEED, ANGLE, INTEGRAL, SINE, COSINE = 0, ROW, 2 * ROW, 3 * ROW, 4 * ROW, 5 * ROW
-TILT_LOAD, RATE_LOAD, MAP, WORK = 6 * ROW, 8 * ROW, 10 * ROW, 18 * ROW
+TILT_LOAD, RATE_LOAD, MAP, TABLE = 6 * ROW, 8 * ROW, 10 * ROW, 18 * ROW
+NOTES = 34 * ROW  # of the table and of the block at hand:
+TABLE_SPEED, FIRST, CLEAR = NOTES, NOTES + 1, NOTES + 2  # see `simulator.flight_table` and `simulator.flight`
+WORK = NOTES + 3
 
 # Coefficients of 1, p, p^2, p^3, where p = i Omega.
 Polynomial = tuple[float, float, float, float]
@@ -44,7 +47,12 @@ class Flight(NamedTuple):
     fastest: float  # rad/s: below it the polynomials are exact to 1e-9 of what a tick changes
     room: float  # m, within which the shaft's centre touches nothing
     work: np.ndarray  # (WORK,) working memory
-    spare: np.ndarray  # (17, BLOCK) true signals of a block that is longer than what is asked for
+    spare: np.ndarray  # (17, ROW) true signals of a block that is longer than what is asked for, and after it
+
+
+def end_block(flight: Flight) -> None:
+    """Let the next block begin at the next sample, whatever there is of one in spare memory."""
+    flight.work[CLEAR] = 0.0
 
 
 @inlined
@@ -63,21 +71,21 @@ def stays(motor: Drive, tick: Tick, flight: Flight, state: State) -> bool:
 
     That is so where neither a ramp nor the controller's torque adds as much as a rounding error.
     """
-    work, speed, integral, angle = flight.work, state.speed, state.speed_error_integral, state.angle
+    work, speed = flight.work, state.speed
     error = work[WANTED] - speed
-    if next_speed(motor, flight, speed, error, integral, work[WANTED + 1]) != speed:
+    if next_speed(motor, flight, speed, error, state.speed_error_integral, work[WANTED + 1]) != speed:
         return False
-    turned, summed = tick.length * (0.5 * (speed + speed)), error * tick.length
+    turned, summed = tick.length * speed, error * tick.length
     for k in range(BLOCK + 1):
-        work[SPEED + k], work[ANGLE + k], work[INTEGRAL + k] = speed, angle, integral
-        angle += turned
-        integral += summed
+        work[SPEED + k] = speed
+        work[ANGLE + k] = state.angle + k * turned
+        work[INTEGRAL + k] = state.speed_error_integral + k * summed
     changes = 0
     for k in range(BLOCK):
         integral, following = work[INTEGRAL + k], work[WANTED + k + 1]
         changes += following != work[WANTED]
         changes += next_speed(motor, flight, speed, error, integral, following) != speed
-        changes += next_integral(motor, error, integral, tick.length) != work[INTEGRAL + k + 1]
+        changes += next_integral(motor, error, integral, tick.length) != integral + summed
     return changes == 0
 
 
@@ -106,23 +114,17 @@ def next_speed(
 
 
 @inlined
-def put_loads(tick: Tick, flight: Flight, steady: bool) -> None:
-    """Work out the rotor's loads through the block, and its maps; one map where the speed is `steady`."""
+def put_loads(tick: Tick, flight: Flight) -> None:
+    """Work out the rotor's maps and loads through the block."""
     work = flight.work
     for k in range(BLOCK):
         # The twelfths, here and below, make the load's mean right to second order where the speed changes.
         lead = (work[SPEED + k + 1] - work[SPEED + k]) * (tick.length / 12.0)
         work[SINE + k], work[COSINE + k] = sine_cosine(work[ANGLE + k] + flight.unbalance_angle + lead)
-    if steady:
-        speed = work[SPEED]
-        for k in range(BLOCK):
-            put_load(flight, speed, speed, k)
-        put_map(flight, speed, speed, 0)
-    else:
-        for k in range(BLOCK):
-            put_load(flight, work[SPEED + k], work[SPEED + k + 1], k)
-        for k in range(BLOCK):
-            put_map(flight, work[SPEED + k], work[SPEED + k + 1], k)
+    for k in range(BLOCK):
+        put_load(flight, work[SPEED + k], work[SPEED + k + 1], k)
+    for k in range(BLOCK):
+        put_map(flight, work[SPEED + k], work[SPEED + k + 1], k)
 
 
 @inlined
@@ -163,46 +165,15 @@ def at_speed(c: Polynomial, speed: float, square: float) -> tuple[float, float]:
 
 
 @inlined
-def move(tick: Tick, flight: Flight, steady: bool, state: State, truth: np.ndarray, column: int) -> State:
-    """Move everything on; fill `BLOCK` columns of `truth`; return the state after them."""
-    work = flight.work
-    if steady:
-        x, y, rate_x, rate_y = swing(work, 0, state, truth, column)
-    else:
-        x, y, rate_x, rate_y = swing(work, 1, state, truth, column)
-    house_x, house_y, house_rate_x, house_rate_y, ring = settle_on(tick, state, truth, column)
-    copy(work, ANGLE, truth[9, column : column + BLOCK])
-    copy(work, SPEED, truth[10, column : column + BLOCK])
-    copy(work, WANTED, truth[15, column : column + BLOCK])
-    for row in (11, 12, 13, 14, 16):  # of contact and solenoids
-        put_zeros(truth[row, column : column + BLOCK], 0)
-    return State(
-        x,
-        y,
-        rate_x,
-        rate_y,
-        house_x,
-        house_y,
-        house_rate_x,
-        house_rate_y,
-        ring,
-        work[ANGLE + BLOCK],
-        work[SPEED + BLOCK],
-        work[INTEGRAL + BLOCK],
-    )
-
-
-@inlined
-def swing(
-    work: np.ndarray, each: int, state: State, truth: np.ndarray, column: int
-) -> tuple[float, float, float, float]:
-    """Move the rotor on, by the first tick's map throughout where `each` is 0, else 1; return its state."""
+def swing(flight: Flight, state: State, truth: np.ndarray, column: int) -> None:
+    """Move the rotor on, tick by tick; fill its rows of `truth`, and those of the spare memory after it."""
+    work, after = flight.work, flight.spare
     tilts_x, tilts_y = truth[0, column : column + BLOCK], truth[1, column : column + BLOCK]
     rates_x, rates_y = truth[2, column : column + BLOCK], truth[3, column : column + BLOCK]
     x, y, rate_x, rate_y = state.tilt_x, state.tilt_y, state.tilt_rate_x, state.tilt_rate_y
     for k in range(BLOCK):
         tilts_x[k], tilts_y[k], rates_x[k], rates_y[k] = x, y, rate_x, rate_y
-        own = MAP + each * k
+        own = MAP + k
         a, b, c, d = work[own], work[own + ROW], work[own + 2 * ROW], work[own + 3 * ROW]
         e, f, g, h = work[own + 4 * ROW], work[own + 5 * ROW], work[own + 6 * ROW], work[own + 7 * ROW]
         x, y, rate_x, rate_y = (
@@ -211,14 +182,12 @@ def swing(
             (e * x - f * y) + ((g * rate_x - h * rate_y) + work[RATE_LOAD + k]),
             (e * y + f * x) + ((g * rate_y + h * rate_x) + work[RATE_LOAD + ROW + k]),
         )
-    return x, y, rate_x, rate_y
+    after[0, BLOCK], after[1, BLOCK], after[2, BLOCK], after[3, BLOCK] = x, y, rate_x, rate_y
 
 
 @inlined
-def settle_on(
-    tick: Tick, state: State, truth: np.ndarray, column: int
-) -> tuple[float, float, float, float, float]:
-    """Move house and ring on as `simulator.dynamics.settle` does; return their state."""
+def settle_on(tick: Tick, flight: Flight, state: State, truth: np.ndarray, column: int) -> None:
+    """Move house and ring on as `simulator.dynamics.settle` does; fill as `swing` does."""
     x, y, rate_x, rate_y = state.house_x, state.house_y, state.house_rate_x, state.house_rate_y
     ring = state.ring_speed
     places_x, places_y = truth[4, column : column + BLOCK], truth[5, column : column + BLOCK]
@@ -239,7 +208,19 @@ def settle_on(
     if still:
         for row in range(4, 9):
             put_zeros(truth[row, column : column + BLOCK], 1)
-    return x, y, rate_x, rate_y, ring
+    after = flight.spare
+    after[4, BLOCK], after[5, BLOCK], after[6, BLOCK], after[7, BLOCK] = x, y, rate_x, rate_y
+    after[8, BLOCK] = ring
+
+
+@inlined
+def put_rest(flight: Flight, truth: np.ndarray, column: int) -> None:
+    """Fill the rows of the drive, and those of contact and solenoids, which are zero."""
+    copy(flight.work, ANGLE, truth[9, column : column + BLOCK])
+    copy(flight.work, SPEED, truth[10, column : column + BLOCK])
+    copy(flight.work, WANTED, truth[15, column : column + BLOCK])
+    for row in (11, 12, 13, 14, 16):
+        put_zeros(truth[row, column : column + BLOCK], 0)
 
 
 @inlined

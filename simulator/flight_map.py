@@ -6,7 +6,7 @@ import numpy as np
 
 from simulator.clearance import least_clearance
 from simulator.dynamics import LEAST_GAP, Tick, static_moment
-from simulator.flight_block import BLOCK, WORK, Flight, Polynomial
+from simulator.flight_block import ROW, TABLE_SPEED, WORK, Flight, Polynomial
 from simulator.rig import Model
 from simulator.state import SIGNALS
 
@@ -41,9 +41,16 @@ def flight_of(model: Model, tick: Tick) -> Flight:
         rate=1.0 / tick.length,
         fastest=(MOST_TURN / tick.length - tick.flight_rate) / tick.gyroscopic,
         room=max(least_clearance(model.backup_bearing) - LEAST_GAP, 0.0),
-        work=np.zeros(WORK),
-        spare=np.zeros((len(SIGNALS), BLOCK)),
+        work=memory(),
+        spare=np.zeros((len(SIGNALS), ROW)),
     )
+
+
+def memory() -> np.ndarray:
+    """Return working memory (WORK,) in which there is neither a table nor a block yet."""
+    work = np.zeros(WORK)
+    work[TABLE_SPEED] = np.nan
+    return work
 
 
 @lru_cache(maxsize=64)  # rigs of a sweep differ in little, and all make theirs under the interpreter's lock

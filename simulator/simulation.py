@@ -1,7 +1,7 @@
 """A rig that runs in simulated time: set its speed, hit it, and read the truth sample by sample."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from simulator.checks import check_bearing
 from simulator.drive import set_point
 from simulator.equilibrium import static_state
 from simulator.faults import Fault, damaged_at, edges, schedule, span_of
+from simulator.flight_block import end_block
 from simulator.flight_map import flight_of
 from simulator.law import latched_factor
 from simulator.rig import (
@@ -22,9 +23,16 @@ from simulator.state import SIGNALS, STATE, TRUTH
 from simulator.stepping import numbers_of, run
 from simulator.tick import tick_of
 
-__all__ = ["SIGNALS", "STATE", "TRUTH", "Simulation", "SimulationError", "signals_for"]
+__all__ = ["SIGNALS", "STATE", "TRUTH", "Moment", "Simulation", "SimulationError", "signals_for"]
 
 WHOLE_NUMBERS = ("kind", "law", "damping_mode", "mode", "pin_count")
+
+
+class Moment(NamedTuple):
+    """All that a run goes on from, but for its set-point and hits."""
+
+    state: np.ndarray  # (12,)
+    damping_factors: np.ndarray  # (8,) s/m, of the contact's candidates
 
 
 class SimulationError(RuntimeError):
@@ -41,8 +49,7 @@ class Simulation:
 
     Attributes: `model`, as it is at present, and `whole`, as it is without faults; `sample`, the index of
     the next sample; `state` (12,), the state at that sample; `damping_factors` (8,), s/m, of the contact's
-    candidates, which with `state` makes a complete snapshot; `candidates` (8, 6), of which those are a part,
-    see `simulator.candidates`;
+    candidates, and `candidates` (8, 6), of which those are a part, see `simulator.candidates`;
     `beyond_pins`, whether the shaft has been behind the pins, where the model has no wall.
     """
 
@@ -56,14 +63,13 @@ class Simulation:
         self.whole = checked(model)
         self.model = self.whole
         self.rate = positive(rate, "rate", "samples a second")
-        self.tick = tick_of(self.model, 1.0 / self.rate)
+        self._work_out()
         self.sample = 0
         self.beyond_pins = False
         self.candidates = candidates_of(self.model)
         self.state = static_state(self.model) if state is None else checked_state(state)
         self._ramp = np.array([self.state[10], self.state[10], 1.0, 0.0])
         self._pulses = np.empty((0, PULSE_FIELDS))
-        self._numbers = numbers_of(self.model, self.tick, flight_of(self.model, self.tick))
         self._faults = schedule(faults, self.rate)
         self._edges = edges(self._faults)
 
@@ -71,6 +77,20 @@ class Simulation:
     def damping_factors(self) -> np.ndarray:
         """A view of the candidates' damping factors."""
         return self.candidates[:, DAMPING_FACTOR]
+
+    def moment(self) -> Moment:
+        """Return where the run is; what goes back to it has the same bytes as what goes on here.
+
+        A block of flight that has begun ends here, which changes the run that follows by rounding errors.
+        """
+        end_block(self._flight)
+        return Moment(self.state.copy(), self.damping_factors.copy())
+
+    def back_to(self, moment: Moment) -> None:
+        """Go on from a moment of this rig, or of another with the same model, without the hits after it."""
+        self.state[:], self.damping_factors[:] = moment
+        self.release()
+        end_block(self._flight)
 
     def go_on_from(self, sample: int, state: np.ndarray, set_point: float, closing: float = 0.0) -> None:
         """Go on at another sample from a state (12,), with the speed's set-point held where it is (rad/s).
@@ -83,6 +103,7 @@ class Simulation:
             self.damping_factors[:] = latched_factor(bearing.law, bearing.restitution, closing)
         self.sample = sample
         self.state = checked_state(state)
+        end_block(self._flight)
         self._ramp[:] = set_point, set_point, 1.0, sample
         self._pulses = np.empty((0, PULSE_FIELDS))
 
@@ -123,11 +144,16 @@ class Simulation:
         self._faults = faults
         self._edges = sorted({*self._edges, *edges([span])})
 
+    def _work_out(self) -> None:
+        """Work out the numbers of the model as it is now."""
+        self.tick = tick_of(self.model, 1.0 / self.rate)
+        self._flight = flight_of(self.model, self.tick)
+        self._numbers = numbers_of(self.model, self.tick, self._flight)
+
     def _damage(self) -> None:
         """Let the model be that of the rig with what acts on it now."""
         self.model = checked(damaged_at(self.whole, self._faults, self.sample))
-        self.tick = tick_of(self.model, 1.0 / self.rate)
-        self._numbers = numbers_of(self.model, self.tick, flight_of(self.model, self.tick))
+        self._work_out()
         latched = self.damping_factors.copy()
         self.candidates[:] = candidates_of(self.model)
         if self.model.backup_bearing.damping_mode == DampingMode.LATCHED:

@@ -7,20 +7,13 @@ import numpy as np
 
 from daq.rig.limits import Limits
 from simulator.rig import Solenoid
-from simulator.simulation import Simulation
+from simulator.simulation import Moment, Simulation
 from simulator.state import SIGNALS, STATE
 from twin.resume import Resumed
 
 CHUNK = 0.1  # s of a run at a time
 ANGLE, SPEED = STATE.index("angle"), STATE.index("speed")
 TILT, HOUSE, NORMAL = SIGNALS.index("tilt_x"), SIGNALS.index("house_x"), SIGNALS.index("normal_force")
-
-
-class Moment(NamedTuple):
-    """All that a run goes on from."""
-
-    state: np.ndarray  # (12,)
-    damping_factors: np.ndarray  # (8,) s/m
 
 
 class Peaks(NamedTuple):
@@ -55,12 +48,11 @@ class Branch:
 
     def moment(self) -> Moment:
         """Return where the run is."""
-        return Moment(self._simulation.state.copy(), self._simulation.damping_factors.copy())
+        return self._simulation.moment()
 
     def back_to(self, moment: Moment) -> None:
         """Go on from a moment of this branch, without the hits that came after it."""
-        self._simulation.state[:], self._simulation.damping_factors[:] = moment
-        self._simulation.release()
+        self._simulation.back_to(moment)
 
     def set_speed(self, speed: float, ramp: float) -> None:
         """Ramp to a speed (rad/s) with a ramp (rad/s2)."""

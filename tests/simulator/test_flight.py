@@ -41,17 +41,39 @@ def test_calls_of_any_size_give_the_same_bytes(name, hz, of):
         assert np.array_equal(whole, in_chunks(of(name), start, sizes, 0.4))
 
 
-def test_a_snapshot_goes_on_to_the_same_bytes():
-    simulation = Simulation(model_of("ball"), state=hanging(ideal("ball"), 8.0))
+@pytest.mark.parametrize("of", [ideal, model_of])
+def test_what_goes_back_to_a_moment_has_the_same_bytes(of):
+    simulation = Simulation(of("ball"), state=hanging(ideal("ball"), 8.0))
     signals(simulation, (7 * BLOCK + 13) / 25000)
-    other = Simulation(model_of("ball"), state=simulation.state)
-    assert np.array_equal(signals(simulation, 0.1), signals(other, 0.1))
+    moment = simulation.moment()
+    on = signals(simulation, 0.1)
+    simulation.back_to(moment)
+    assert np.array_equal(on, signals(simulation, 0.1))
+    assert np.array_equal(on, signals(Simulation(of("ball"), state=moment.state), 0.1))
+
+
+@pytest.mark.parametrize("of", [ideal, model_of])
+def test_a_command_counts_within_a_block_that_has_begun(of):
+    begin, runs = BLOCK + BLOCK // 2, []
+    wanted = np.minimum(70.0 + 10.0 * np.maximum(np.arange(5 * BLOCK) - begin, 0) * 4e-5, 70.05)
+    for size in (begin, 7, 1):
+        simulation, parts = Simulation(of("ball"), state=hanging(of("ball"), 70.0 / tau)), []
+        while simulation.sample < 5 * BLOCK:
+            if simulation.sample == begin:
+                simulation.set_speed(70.05, 10.0)
+            following = begin if simulation.sample < begin else 5 * BLOCK
+            parts.append(signals_for(min(size, following - simulation.sample)))
+            simulation.advance(parts[-1])
+        runs.append(np.concatenate(parts, axis=1))
+        assert runs[-1][15] == pytest.approx(wanted, abs=1e-12)
+    assert np.array_equal(runs[0], runs[1])
+    assert np.array_equal(runs[0], runs[2])
 
 
 @pytest.mark.parametrize("of", [ideal, model_of])
 @pytest.mark.parametrize("target", [np.nextafter(70.0, 80.0), 70.02])
-def test_a_speed_that_stays_is_computed_as_one_that_changes(of, target):
-    # Blocks that begin elsewhere see another speed change within them; a motor's integral creeps on for long.
+def test_a_speed_that_settles_does_so_in_the_same_block(of, target):
+    # Blocks that began elsewhere would see it change in others; a motor's integral creeps on for long.
     model, runs = changed(of("ball"), backup_bearing={"clearance": 0.02}), []
     for size in (100_000, BLOCK - 1, 7):
         simulation, parts = Simulation(model, state=state(tilt_x=1e-3, house_x=1e-9, speed=70.0)), []
@@ -61,6 +83,19 @@ def test_a_speed_that_stays_is_computed_as_one_that_changes(of, target):
             simulation.advance(parts[-1])
         runs.append(np.concatenate(parts, axis=1).tobytes())
     assert runs[0] == runs[1] == runs[2]
+
+
+def test_a_block_at_a_speed_that_stays_is_that_of_single_ticks():
+    # The second rig's speed creeps by 1e-12 rad/s a tick, so that it goes tick by tick.
+    model = changed(ideal("ball"), backup_bearing={"clearance": 0.02})
+    start = state(tilt_x=1e-3, tilt_rate_y=0.02, speed=70.0)
+    stays, creeps = Simulation(model, state=start), Simulation(model, state=start)
+    creeps.set_speed(80.0, 1e-12 * 25000.0)
+    a, b = signals(stays, 1.0), signals(creeps, 1.0)
+    assert a[10].min() == a[10].max()
+    # That turns the tilt, 5e-3 rad, by 1.2e-8 rad in a second, and by less than rounding in a block.
+    assert abs(a[:2] - b[:2]).max() < 1e-10
+    assert abs(a[:2, :BLOCK] - b[:2, :BLOCK]).max() < 1e-16
 
 
 def in_small_steps(model, start: np.ndarray, wanted: np.ndarray) -> np.ndarray:

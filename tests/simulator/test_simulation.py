@@ -43,7 +43,7 @@ def test_chunks_do_not_change_a_byte(mode):
 def test_a_run_can_go_on_from_its_state():
     simulation = Simulation(ideal("ball"), state=hanging(ideal("ball"), 11.0))
     signals(simulation, 2.0)
-    other = Simulation(ideal("ball"), state=simulation.state)
+    other = Simulation(ideal("ball"), state=simulation.moment().state)
     assert np.array_equal(signals(simulation, 0.5), signals(other, 0.5))
 
 
