@@ -128,9 +128,10 @@ def table() -> dict[str, dict[str, Errors]]:
 
 
 def calibrations() -> dict[str, Calibration]:
-    """Return how fair the observer's doubts are, where its model's form is right."""
+    """Return how fair the observer's doubts are in each case."""
     return {
-        rig: calibration_of([observe(case_run(f"thesis-{rig}", "mm", seed)) for seed in SEEDS])
+        f"{rig} {case}": calibration_of([observe(case_run(f"thesis-{rig}", case, seed)) for seed in SEEDS])
+        for case in CASES
         for rig in RIGS
     }
 
@@ -150,11 +151,12 @@ def print_table(rows: dict[str, dict[str, Errors]], fair: dict[str, Calibration]
                 f"{row.missed / len(SEEDS):6.1f} {row.false_alarms / len(SEEDS):6.1f} "
                 f"{1e6 * row.position:8.3f} {1e3 * row.velocity:8.3f}"
             )
-    for rig, doubt in fair.items():
+    for case, doubt in fair.items():
         print(
-            f"{rig} mm: normalised error {doubt.error:.2f}, innovations {doubt.innovations.min():.2f} to "
+            f"{case}: normalised error {doubt.error:.2f}, innovations {doubt.innovations.min():.2f} to "
             f"{doubt.innovations.max():.2f}, within 1 and 2 sigma {doubt.one_sigma:.0%} and "
-            f"{doubt.two_sigma:.0%}"
+            f"{doubt.two_sigma:.0%} of motion, {doubt.force_one_sigma:.0%} and {doubt.force_two_sigma:.0%} "
+            "of force"
         )
     print()
 

@@ -24,6 +24,7 @@ from twin.layout import (
     Sensors,
     Tuning,
 )
+from twin.misfit import FREE, learn
 from twin.parameters import bound
 from twin.prediction import predict
 from twin.tracking import ANGLE, SPEED, lock, track
@@ -81,6 +82,7 @@ def observe(
             track(memory.shaft, angle, tick.length)
         column = k // stride if k % stride == 0 else -1
         correct_all(memory, sensors, samples, k, column, residuals, tally, tick.length)
+        learn(memory, tick.length)
         bound(model, memory.state)
         report(model, memory, column, stride, tick.length, out, tally.peak)
 
@@ -170,4 +172,5 @@ def forget_motion(memory: Memory) -> None:
         memory.covariance[HOUSE_RATE + axis, HOUSE_RATE + axis] = HOUSE_RATE_DOUBT**2
     memory.covariance[RING, RING] = RING_DOUBT**2
     memory.surprise[0] = 1.0
+    memory.misfit[FREE] = 0.0
     forget_ways(memory)

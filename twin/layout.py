@@ -39,7 +39,7 @@ class Tuning(NamedTuple):
 
     displacement_noise: float = 1e-6  # m rms of a proximity probe
     force_noise: float = 0.5  # N rms of a force transducer
-    moment_noise: float = 6e-6  # N m/sqrt(Hz), on the rotor
+    moment_noise: float = 5e-6  # N m/sqrt(Hz), on the rotor
     house_noise: float = 3e-4  # N/sqrt(Hz), on the house
     ring_noise: float = 1.0  # rad/s/sqrt(s), on the inner ring
     unbalance_walk: float = 1e-8  # kg m/sqrt(s): how fast the unbalance may change
@@ -49,9 +49,9 @@ class Tuning(NamedTuple):
     residual_share: float = 3.2  # of the normal force/sqrt(s), likewise
     contact_doubt: float = 0.2  # of ln stiffness and friction of the contact, at the start
     damping_doubt: float = 0.5  # of ln damping of the contact: its law is known least
-    contact_walk: float = 0.01  # 1/sqrt(s) of contact: how fast they may change
+    contact_walk: float = 0.003  # 1/sqrt(s) of contact: how fast they may change
     clearance_doubt: float = 20e-6  # m, of the clearance at the start
-    clearance_walk: float = 0.1e-6  # m/sqrt(s) of contact
+    clearance_walk: float = 0.03e-6  # m/sqrt(s) of contact
     magnet_stiffness_doubt: float = 0.03  # of K at the start, relative; 0: known
     magnet_stiffness_walk: float = 1e-5  # 1/sqrt(s)
     magnet_damping_doubt: float = 0.2  # of c at the start, relative; 0: known
@@ -95,6 +95,7 @@ class Memory(NamedTuple):
     force: np.ndarray  # (1,) N, normal force of the contact at the tick's middle
     tells: np.ndarray  # (2,) 1 where the contact tells of its damping and of its friction, else 0
     near: np.ndarray  # (2,) m, deviation of the penetration in a tick that may touch, else 0; the gap
+    misfit: np.ndarray  # (4,) how far the contact law seems to be off, see `twin.misfit`
     surprise: np.ndarray  # (1,) innovations' squares over their expectation, mean of some ten ticks
     energy: np.ndarray  # (3,) J lost in the contact, its standard deviation, 1 while open
     weight: np.ndarray  # (2,) N m, moment of the rotor's weight along x, y
@@ -129,6 +130,7 @@ def new_memory() -> Memory:
         force=np.zeros(1),
         tells=np.zeros(2),
         near=np.zeros(2),
+        misfit=np.zeros(4),
         surprise=np.ones(1),
         energy=np.array([0.0, 0.0, 1.0]),
         weight=np.zeros(2),

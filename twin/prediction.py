@@ -37,6 +37,7 @@ from twin.layout import (
     Tuning,
 )
 from twin.linear import carry, discretise
+from twin.misfit import FREE, scale
 from twin.parameters import adjusted, latch_adjusted
 from twin.proximity import curvature_force, depth_doubt
 from twin.slopes import (
@@ -342,6 +343,7 @@ def add_magnet(model: Model, transition: np.ndarray, state: State) -> None:
 @kernel
 def age_residual(memory: Memory, kept: float) -> None:
     """Keep a share of the residual force, and of what is known of it; none out of contact."""
+    memory.misfit[FREE] *= kept * kept
     for i in range(RESIDUAL, RESIDUAL + 2):
         memory.state[i] *= kept
         for j in range(SIZE):
@@ -375,8 +377,10 @@ def spread_contact(memory: Memory, curved: float, tuning: Tuning, step: float) -
     """
     covariance, normal = memory.covariance, memory.force[0]
     change = (tuning.residual_share * normal) ** 2 + tuning.residual_noise**2
+    added = scale(memory) * change * step + curved
+    memory.misfit[FREE] += added
     for i in range(RESIDUAL, RESIDUAL + 2):
-        covariance[i, i] += change * step + curved
+        covariance[i, i] += added
     if normal > 0.0:
         walk = tuning.contact_walk**2 * step
         covariance[STIFFNESS, STIFFNESS] += walk
