@@ -2,8 +2,6 @@
 
 import numpy as np
 
-FINER = 4  # points of the spectrum in each of its bins
-
 
 def dispersion(marks: np.ndarray, longest: int) -> float:
     """Return how far marks (n,), complex, are from repeating; NaN when they are not all known.
@@ -17,17 +15,20 @@ def dispersion(marks: np.ndarray, longest: int) -> float:
     return min(apart, default=float("nan"))
 
 
-def broadband(marks: np.ndarray, lines: int) -> float:
-    """Return the share of the power of marks (n,), complex, outside the highest `lines` of their spectrum.
+def divergence(marks: np.ndarray, turns: int, resolution: float) -> float:
+    """Return by which factor nearly equal motions are farther apart `turns` revolutions later.
 
-    A motion of one or two periods has a spectrum of lines, a chaotic one is broadband (Moon, Chaotic and
-    Fractal Dynamics, 1992). The spectrum is that of the marks without their mean, under a Hann window, whose
-    main lobe of four bins counts as one line. 0 where nothing moves, NaN when marks are unknown.
+    `marks` (n,), complex; two in a row tell a motion, as position and velocity would. Each is followed beside
+    the one that is nearest to it, and the median factor returned: about 1 for a motion of one or two periods,
+    more for a chaotic one (Rosenstein, Collins and De Luca, Physica D 65, 1993). Distances below
+    `resolution`, in the marks' unit, count as that. NaN when marks are unknown or too few.
     """
-    moving = (marks - np.mean(marks)) * np.hanning(marks.size)
-    power = np.abs(np.fft.fft(moving, FINER * marks.size)) ** 2
-    whole = float(np.sum(power))
-    lobe = np.arange(-2 * FINER, 2 * FINER + 1)
-    for _ in range(lines):
-        power[(np.argmax(power) + lobe) % power.size] = 0.0
-    return float(np.sum(power)) / whole if whole != 0.0 else 0.0
+    pairs = np.stack([marks[1:], marks[:-1]])
+    apart = np.sqrt(np.sum(np.abs(pairs[:, :, np.newaxis] - pairs[:, np.newaxis]) ** 2, axis=0)) + resolution
+    count = len(apart) - turns
+    if count < 2 or np.isnan(apart).any():
+        return float("nan")
+    before = apart[:count, :count] + np.diag(np.full(count, np.inf))
+    each = np.arange(count)
+    nearest = np.argmin(before, axis=1)
+    return float(np.median(apart[turns + each, turns + nearest] / before[each, nearest]))

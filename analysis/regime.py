@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.recurrence import broadband, dispersion
+from analysis.recurrence import dispersion, divergence
 from analysis.turns import Turn
 
 WINDOW = 48
@@ -26,8 +26,10 @@ LONGEST_PERIOD = 6
 """Revolutions after which a motion of one period repeats that has settled."""
 LONGEST_RETURN = 18
 """Revolutions after which a motion of two periods has come back closely."""
-LINES = 3
-"""Lines of a spectrum that hold most of the power of a motion of one or two periods."""
+AHEAD = 6
+"""Revolutions after which nearly equal motions are compared again."""
+FINEST = 1e-3
+"""Share of the clearance below which two marks are not told apart."""
 STRAY = 0.1
 """Share of the hits below which a group of them is no place."""
 
@@ -75,14 +77,14 @@ REST_MOTION = 0.05  # share of the clearance that a shaft at rest may still move
 TOUCH = Bound(0.002, 4.0)  # share of the time in contact, from which the shaft touches
 LIFT = Bound(0.05, 4.0)  # share of the time without contact, from which the shaft lifts off
 RUB = Bound(0.5, 12.0)  # share of the time in contact, from which a centre that runs round the bearing rubs
-ROUND = Bound(0.5, 4.0)  # runs round the bearing per revolution, from which the centre does run round
-FLAT = Bound(0.4, 4.0)  # minor over major axis, from which an orbit is no line
-PARTED = Bound(np.radians(30.0), 12.0)  # rad without any hit, from which two places are apart
+ROUND = Bound(0.5, 8.0)  # runs round the bearing per revolution, from which the centre does run round
+FLAT = Bound(0.4, 8.0)  # minor over major axis, from which an orbit is no line
+PARTED = Bound(np.radians(30.0), 18.0)  # rad without any hit, from which two places are apart
 SCATTER = Bound(0.02, 4.0)  # dispersion over the clearance, from which a motion of one period has not settled
 STEADY = Bound(0.003, 2.0)  # dispersion of `SETTLED` revolutions, below which nothing is chaotic
-RETURN = Bound(0.02, 0.54)  # dispersion of `WINDOW` revolutions from which a motion is chaotic, together with
-NOISE = Bound(0.031, 0.94)  # the broadband share of the marks' power
-"""Both: the logistic regression that `python -m benchmarks.regime --fit` prints."""
+RETURN = Bound(0.02, 0.55)  # dispersion of `WINDOW` revolutions from which a motion is chaotic, together with
+PARTING = Bound(1.40, 6.0)  # the factor by which nearly equal motions part in `AHEAD` revolutions
+"""Both: between `python -m benchmarks.regime --fit` on true marks, and the same on what the twin saw of others."""
 
 
 def likeliest(weights: Mapping[Regime, float]) -> Regime:
@@ -124,13 +126,15 @@ def free(turns: Sequence[Turn]) -> Regime:
 def chaos(turns: Sequence[Turn]) -> float:
     """Return how likely the motion is chaotic; 0 as long as contact is younger than `WINDOW`.
 
-    A motion of one or two periods comes back closely, and its spectrum has lines; a chaotic one does neither.
+    A motion of one or two periods comes back closely, and goes on closely to how it then did; a chaotic one
+    does neither.
     What has just settled is not chaotic, although the window still holds what was before.
     """
     marks = marks_of(turns)
     if not begun(turns, WINDOW) or np.isnan(marks).any():
         return 0.0
-    evidence = RETURN.evidence(dispersion(marks, LONGEST_RETURN)) + NOISE.evidence(broadband(marks, LINES))
+    evidence = RETURN.evidence(dispersion(marks, LONGEST_RETURN))
+    evidence += PARTING.evidence(divergence(marks, AHEAD, FINEST))
     return probability(evidence) * STEADY.likely(dispersion(marks[-SETTLED:], LONGEST_PERIOD))
 
 

@@ -1,11 +1,11 @@
 """How often the twin names the regime as it truly is, and whether its confidence is fair.
 
-A hundred motions drawn by seed, and 12 of each kind that mostly fly, lie in the bearing, rub forward and
+A hundred motions drawn by seed, and 50 of each kind that mostly fly, lie in the bearing, rub forward and
 whirl backward (`tests.twin.regime_cases`), seen by the twin through noisy sensors with contact parameters up
 to 20 % off. What a motion truly is follows from the simulated force, path and Lyapunov exponent. The baseline
 of an accuracy is that of always naming the most frequent regime; of the Brier score, that of always saying
-the accuracy. `--fit` instead prints the logistic regression of chaos on dispersion and broadband share over
-other draws, from which `analysis.regime.RETURN` and `NOISE` are. Run
+the accuracy. `--fit` instead prints the logistic regression of chaos on dispersion and divergence over other
+draws, to which `analysis.regime.RETURN` and `PARTING` are near. Run
 `python -m benchmarks.regime`.
 """
 
@@ -14,25 +14,26 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.recurrence import broadband, dispersion
-from analysis.regime import LINES, LONGEST_RETURN, WINDOW, Regime
-from benchmarks.report import Figure, parser, show
+from analysis.recurrence import dispersion, divergence
+from analysis.regime import AHEAD, FINEST, LONGEST_RETURN, WINDOW, Regime
+from benchmarks.report import Figure, in_processes, parser, show
 from tests.twin.regime_accuracy import PLAIN, Naming, accuracy, brier, naming, reliability
 from tests.twin.regime_cases import CHAOS, drawn_case, exponent, motion_of, settled, watched_run
 
-DRAWN = range(8000, 8100)
-OF_A_KIND = range(8000, 8012)
-FITTED = range(200)
+DRAWN = range(12000, 12100)
+OF_A_KIND = range(12000, 12050)
+FITTED = {"any": range(400), "heavy": range(150)}
 
 
 def drawn() -> list[Naming]:
     """Return what the twin says of the hundred drawn motions."""
-    return [naming(seed) for seed in DRAWN]
+    return in_processes(naming, DRAWN)
 
 
 def plain() -> list[Naming]:
     """Return what the twin says of the kinds whose regime is plain."""
-    return [naming(seed, kind) for kind in PLAIN for seed in OF_A_KIND]
+    cases = [(seed, kind) for kind in PLAIN for seed in OF_A_KIND]
+    return in_processes(naming, *zip(*cases, strict=True))
 
 
 def figures(any_kind: Sequence[Naming], plain_kinds: Sequence[Naming]) -> dict[str, Figure]:
@@ -66,16 +67,15 @@ def print_table(any_kind: Sequence[Naming], plain_kinds: Sequence[Naming]) -> No
 def fit() -> None:
     """Fit the log odds of chaos to the logarithms of both measures by Newton's method, and print it."""
     measures, chaotic = [], []
-    for seed in FITTED:
-        case = drawn_case(seed)
+    for case in (drawn_case(seed, kind) for kind, seeds in FITTED.items() for seed in seeds):
         state = settled(case)
         motion = motion_of(watched_run(case, state))
-        share = float(np.mean(motion.normal > 0.0))
-        if 0.002 < share < 0.95:
+        if 0.002 < float(np.mean(motion.normal > 0.0)) < 0.95:
             turn = motion.angle / (2.0 * np.pi)
             at = np.arange(np.ceil(turn[0]), np.floor(turn[-1]))[-WINDOW:]
             marks = np.interp(at, turn, motion.place) / case.truth.backup_bearing.clearance
-            measures.append([dispersion(marks, LONGEST_RETURN), broadband(marks, LINES), np.e])
+            seen = dispersion(marks, LONGEST_RETURN), divergence(marks, AHEAD, FINEST)
+            measures.append([*seen, np.e])
             chaotic.append(exponent(case, state) > CHAOS)
     known, yes = np.log(np.maximum(measures, 1e-6)), np.array(chaotic, float)
     weights = np.zeros(3)
@@ -84,7 +84,7 @@ def fit() -> None:
         curvature = known.T @ (known * (odds * (1.0 - odds))[:, np.newaxis])
         weights -= np.linalg.solve(curvature + 0.1 * np.eye(3), known.T @ (odds - yes) + 0.1 * weights)
     right = np.mean((known @ weights > 0.0) == chaotic)
-    print(f"log odds = {weights[0]:.2f} ln dispersion + {weights[1]:.2f} ln broadband + {weights[2]:.2f}")
+    print(f"log odds = {weights[0]:.2f} ln dispersion + {weights[1]:.2f} ln divergence + {weights[2]:.2f}")
     print(f"{right:.1%} right of {yes.size} motions in contact, {int(yes.sum())} of them chaotic")
 
 

@@ -3,9 +3,13 @@
 import argparse
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from statistics import median
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
+
+Result = TypeVar("Result")
 
 
 class Figure(NamedTuple):
@@ -49,6 +53,12 @@ def show(figures: Mapping[str, Figure], as_json: bool) -> None:
             f"{name:{width}}  {figure.value:10.4g} {figure.unit:8}  {figure.ratio:8.3g} x {figure.what} "
             f"({figure.baseline:.4g} {figure.unit})"
         )
+
+
+def in_processes(action: Callable[..., Result], *arguments: Iterable[object]) -> list[Result]:
+    """Return what an action makes of each set of arguments, in their order, computed on all cores."""
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+        return list(pool.map(action, *arguments))
 
 
 def rotated(names: list[str], rounds: int) -> list[list[str]]:

@@ -21,9 +21,13 @@ KEPT = 8  # such stretches: how far the observer can go back
 MARGIN = 1.5  # s before the onset, which is known about so well, that it goes back to
 GOOD = 3  # stretches in a row in which a sensor must be good to be taken in again
 EXPECTED = 4.0  # times the variance that its distance from the estimate may have then: twice the deviation
-BETTER = 1.0 / 3.0  # of the largest distance since it was left out, relative to what it should read
+BETTER = (
+    1.0 / 3.0
+)  # of the largest distance since it was left out, or of what the fault's size would make of it
 QUIET = 3.0  # times the sensor's noise that it should read, or it cannot show whether its gain is right
 NEEDS_SIGNAL = ("gain", "skew")
+SQUARES = {"drift": 1.0, "noise": 1.0, "runout": 0.5}
+"""Mean square of what a fault adds to a reading, over the square of its size."""
 
 
 class Change(NamedTuple):
@@ -70,6 +74,11 @@ class Suspect:
             self._judge(noise)
         return self._good >= GOOD
 
+    def begin(self) -> None:
+        """Count from here on for how long it has been good."""
+        self._squares.clear()
+        self._good = 0
+
     def _judge(self, noise: float) -> None:
         """Judge the stretch that is over."""
         distance, expected, should = np.mean(self._squares, axis=0)
@@ -77,7 +86,7 @@ class Suspect:
         if self.fault.kind in NEEDS_SIGNAL and should < QUIET**2 * noise:
             return
         relative = float(distance / (should + noise))
-        self._worst = max(self._worst, relative)
+        self._worst = max(self._worst, relative, claimed(self.fault, should) / (should + noise))
         good = distance < EXPECTED * expected and relative < BETTER**2 * self._worst
         self._good = self._good + 1 if good else 0
 
@@ -159,7 +168,18 @@ class Trust:
             for block in stretch.blocks:
                 suspect.add(observer, block, observer.update(block))
                 suspect.is_good(self._blocks, self._noise(suspect))
+        suspect.begin()
         return Change(fault.channel, True, sample)
+
+
+def claimed(fault: Fault, should: float) -> float:
+    """Return the mean square by which a fault moves a reading; `should` is that of what it should read.
+
+    0 where the fault says nothing of it: then only the sensor's own worst tells that it has become better.
+    """
+    if fault.kind == "gain":
+        return (fault.size - 1.0) ** 2 * should
+    return SQUARES.get(fault.kind, 0.0) * fault.size**2
 
 
 def begin_of(stretch: Stretch, now: int) -> int:

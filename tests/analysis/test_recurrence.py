@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.recurrence import broadband, dispersion
+from analysis.recurrence import dispersion, divergence
 
 RNG = np.random.default_rng(6)
 
@@ -36,18 +36,26 @@ def test_a_rotation_comes_back_as_closely_as_its_continued_fraction_says():
 def test_unknown_marks_have_neither_measure():
     marks = np.array([1.0, complex(np.nan, np.nan), 1.0])
     assert np.isnan(dispersion(marks, 2))
-    assert np.isnan(broadband(marks, 1))
+    assert np.isnan(divergence(marks, 1, 1e-3))
+    assert np.isnan(divergence(np.ones(3, complex), 1, 1e-3))  # one pair of marks has no neighbour
 
 
-def test_lines_hold_the_power_of_two_periods_and_not_that_of_noise():
+def test_the_logistic_map_s_neighbours_part_by_its_lyapunov_exponent():
+    """At a growth of 4 the exponent is ln 2 a step, and each pair of marks parts as the later one does."""
+    marks = logistic(4.0, 400)
+    assert divergence(marks, 1, 1e-9) == pytest.approx(2.0, rel=0.25)  # 400 marks are a sample
+    assert divergence(marks, 2, 1e-9) == pytest.approx(4.0, rel=0.25)
+
+
+@pytest.mark.parametrize("turns", [1, 5, 10])
+def test_neighbours_on_a_torus_stay_as_far_apart_as_they_are(turns):
     number = np.arange(48)
     torus = 2.0 + np.exp(1.3j * number) + 0.4 * np.exp(-2.1j * number)
-    assert broadband(torus, 2) < 0.005
-    assert broadband(torus, 1) == pytest.approx(0.4**2 / (1.0 + 0.4**2), rel=0.05)
-    white = [broadband(RNG.normal(size=48) + 1j * RNG.normal(size=48), 3) for _ in range(50)]
-    assert np.mean(white) > 0.3
-    assert broadband(logistic(3.99), 3) > 0.1
+    assert divergence(np.exp(1.3j * number), turns, 0.0) == pytest.approx(1.0)
+    assert divergence(torus, turns, 0.0) == pytest.approx(1.0, abs=0.2)
 
 
-def test_what_stands_still_is_not_broadband():
-    assert broadband(np.full(48, 1.0 + 1.0j), 3) == 0.0
+def test_what_is_finer_than_the_resolution_does_not_part():
+    noise = 1e-6 * RNG.normal(size=48) + 0j
+    assert divergence(noise, 5, 1e-3) == pytest.approx(1.0, abs=0.01)
+    assert divergence(np.ones(48, complex), 5, 1e-3) == 1.0

@@ -1,5 +1,6 @@
 """Runs of the emulated rig, with their truth, straight from the unpaced emulator."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from math import tau
 from typing import NamedTuple
@@ -27,6 +28,15 @@ def emulate(rig: Rig, plan: Plan | str, seconds: float | None = None, oversampli
 
     With `oversampling` the rig is simulated at that many times the sensors' rate.
     """
+    blocks, truth = zip(*performed(rig, plan, seconds, oversampling), strict=True)
+    rows = np.concatenate(truth, axis=1)
+    return EmulatedRun(rig, list(blocks), dict(zip(Emulator.truth_names, rows, strict=True)))
+
+
+def performed(
+    rig: Rig, plan: Plan | str, seconds: float | None = None, oversampling: int = 1
+) -> Iterator[tuple[Series, np.ndarray]]:
+    """Yield block and truth of a plan as it is performed, as `emulate` does; no more is kept."""
     if isinstance(plan, str):
         plan = plan_from_text(plan, rig)
     fine = finer(rig, oversampling)
@@ -35,17 +45,13 @@ def emulate(rig: Rig, plan: Plan | str, seconds: float | None = None, oversampli
     device.open(fine)
     device.start()
     count = int((plan.expected_duration(fine) if seconds is None else seconds) * rate) // block
-    blocks, truth = [], []
     for _ in range(count):
         perform(device, runner, fine)
         values = np.empty((len(rig.channels), block))
         reading = device.read(values)
         rig.channels.calibrate(values, values)
         first = reading.first_sample // oversampling
-        blocks.append(series_of(rig, first, values[:, ::oversampling]))
-        truth.append(device.truth()[:, ::oversampling].copy())
-    rows = np.concatenate(truth, axis=1)
-    return EmulatedRun(rig, blocks, dict(zip(device.truth_names, rows, strict=True)))
+        yield series_of(rig, first, values[:, ::oversampling]), device.truth()[:, ::oversampling].copy()
 
 
 def finer(rig: Rig, times: int) -> Rig:

@@ -4,7 +4,7 @@ The rig differs from what the twin is told as in case *mm* of `tests.twin.cases`
 unbalance are off, and noise, speed, onset and size of the fault are drawn.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from math import tau
 from typing import NamedTuple
 
@@ -16,10 +16,8 @@ from daq.messages import Series
 from daq.rig import Rig, with_overrides
 from tests.twin.cases import hidden_rig
 from tests.twin.emulated import series_of
-from twin.estimate import Estimated
 from twin.fault import Fault
 from twin.health import Health
-from twin.layout import Tuning
 from twin.observer import Observer
 from twin.walls import depths
 
@@ -96,8 +94,10 @@ def drawn(label: str, seed: int) -> Case:
     if kind.size:
         keys["size"] = kind.size(draw)
     channel = str(draw.choice(kind.channels)) if kind.channels else ""
-    hz = draw.uniform(*(FREE if kind.free else BOUNCING[bearing]))
     rig = hidden_rig(bearing, "mm", seed)
+    hz = draw.uniform(*(FREE if kind.free else BOUNCING[bearing]))
+    while touches(rig, hz, kind.free) == kind.free:  # above the resonance it may go on bouncing as well
+        hz = draw.uniform(*(FREE if kind.free else BOUNCING[bearing]))
     pin = int(draw.choice(pins_hit(rig, hz))) if kind.bearings == PINNED else 0
     said = [f'name="it",kind="{kind.kind}"', *(f"{key}={value}" for key, value in keys.items())]
     said += [f'channel="{channel}"'] * bool(channel) + [f"pin={pin}"] * bool(pin)
@@ -105,15 +105,27 @@ def drawn(label: str, seed: int) -> Case:
     return Case(rig, hz, begin, kind.named, channel, pin, kind.free)
 
 
+def touches(rig: Rig, hz: float, free: bool) -> bool:
+    """Tell whether the rotor touches the bearing at a speed, before any fault."""
+    force = Emulator.truth_names.index("normal_force")
+    return any(truth[force].any() for truth in before_fault(rig, hz, free))
+
+
 def pins_hit(rig: Rig, hz: float) -> list[int]:
     """Return the numbers of the pins that the rotor hits, bouncing at a speed, before any fault."""
     assert rig.model is not None
     station, hit = rig.model.rotor.bearing_station, set()
-    for block, truth in blocks(rig, hz, False, SETTLED + 1.0):
-        if block.first_sample > SETTLED * block.rate:
-            depth = [reach(*(station * truth[:2])).max() for reach in depths(rig.model)]
-            hit |= {number for number, each in enumerate(depth, 1) if each > 0.0}
+    for truth in before_fault(rig, hz, False):
+        depth = [reach(*(station * truth[:2])).max() for reach in depths(rig.model)]
+        hit |= {number for number, each in enumerate(depth, 1) if each > 0.0}
     return sorted(hit)
+
+
+def before_fault(rig: Rig, hz: float, free: bool) -> Iterator[np.ndarray]:
+    """Yield the true state in the second in which the rotor has come to what it goes on doing at a speed."""
+    for block, truth in blocks(rig, hz, free, SETTLED + 1.0):
+        if block.first_sample > SETTLED * block.rate:
+            yield truth
 
 
 def blocks(rig: Rig, hz: float, free: bool, seconds: float) -> Iterator[tuple[Series, np.ndarray]]:
@@ -132,17 +144,23 @@ def blocks(rig: Rig, hz: float, free: bool, seconds: float) -> Iterator[tuple[Se
         yield series_of(rig, reading.first_sample, values), device.truth()
 
 
-def stream(case: Case) -> Iterator[tuple[Series, Estimated]]:
-    """Yield block and estimate of a run until the fault must have been named."""
-    observer = Observer(case.rig)
-    for block, _ in blocks(case.rig, case.hz, case.free, case.begin + WITHIN):
-        yield block, observer.update(block)
-
-
 def found(case: Case) -> list[Fault]:
-    """Return the faults that the health watch names in a run, in their order."""
-    health = Health(case.rig, Tuning())
-    return [fault for block, estimated in stream(case) for fault in health.add(block, estimated)]
+    """Return the faults that the health watch names in a run until they must have been, in their order."""
+    return [fault for _, fault in told(case)]
+
+
+def told(case: Case) -> Iterator[tuple[float, Fault]]:
+    """Yield each such fault with the time (s) at which it was named."""
+    return named(case.rig, blocks(case.rig, case.hz, case.free, case.begin + WITHIN))
+
+
+def named(rig: Rig, run: Iterable[tuple[Series, np.ndarray]]) -> Iterator[tuple[float, Fault]]:
+    """Yield each fault that the health watch names in a run of blocks with their truth, and when (s)."""
+    observer = Observer(rig)
+    health = Health(rig, observer.tuning)
+    for block, _ in run:
+        for fault in health.add(block, observer.update(block)):
+            yield (block.first_sample + block.samples.shape[1]) / block.rate, fault
 
 
 def is_right(case: Case, faults: list[Fault]) -> bool:

@@ -5,12 +5,9 @@ import pytest
 from daq.commanding.plan import load_plan
 from daq.rig import load_rig
 from tests.twin.cases import hidden_rig
-from tests.twin.emulated import emulate
-from tests.twin.faults import BEARINGS, BOUNCING, FREE, KINDS, blocks, drawn, found, is_right
+from tests.twin.emulated import performed
+from tests.twin.faults import BEARINGS, BOUNCING, FREE, KINDS, blocks, drawn, found, is_right, named
 from twin.fault import Fault
-from twin.health import Health
-from twin.layout import Tuning
-from twin.observer import Observer
 
 QUICK = ("probe's gain", "probe's runout", "lost channel", "added unbalance", "loose transducer", "worn pin")
 SHARE = 0.95  # of the drawn faults that must be named
@@ -40,13 +37,7 @@ def test_faults_are_told_in_words():
 @pytest.mark.parametrize(("bearing", "free"), [("thesis-ball", True), ("thesis-pinned", False)])
 def test_a_healthy_rig_has_no_fault(bearing, free):
     rig, hz = hidden_rig(bearing, "mm", 43), (FREE if free else BOUNCING[bearing])[0]
-    health, observer = Health(rig, Tuning()), Observer(rig)
-    told = [
-        fault
-        for block, _ in blocks(rig, hz, free, 8.0)
-        for fault in health.add(block, observer.update(block))
-    ]
-    assert told == []
+    assert list(named(rig, blocks(rig, hz, free, 8.0))) == []
 
 
 @pytest.mark.slow
@@ -62,7 +53,4 @@ def test_nineteen_of_twenty_drawn_faults_are_named_within_two_seconds():
 @pytest.mark.parametrize("name", BEARINGS)
 def test_the_default_plan_gives_no_alarm(name):
     rig = load_rig(name, ["emulator.actual.rotor.unbalance_angle=1.0"])
-    run = emulate(rig, load_plan("resonance", rig))
-    observer = Observer(rig)
-    health = Health(rig, observer.tuning)
-    assert [fault for block in run.blocks for fault in health.add(block, observer.update(block))] == []
+    assert list(named(rig, performed(rig, load_plan("resonance", rig)))) == []

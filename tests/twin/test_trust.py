@@ -13,7 +13,9 @@ from daq.rig import load_rig, with_overrides
 from tests.twin.cases import hidden_rig
 from tests.twin.emulated import EmulatedRun, emulate, run_up
 from twin.estimation import Twin
+from twin.fault import Fault
 from twin.observer import Observer
+from twin.trust import GOOD, STRETCH, Trust
 
 RIG = "thesis-ball"
 PLAN = """
@@ -55,6 +57,12 @@ def faulted(fault: str) -> EmulatedRun:
     """Return a run with a fault from `BEGIN` on."""
     rows = [f'emulator.fault=[{{name="it",at={BEGIN},{fault}}}]']
     return emulate(with_overrides(hidden_rig(RIG, "mm", 77), rows), PLAN)
+
+
+@cache
+def free_run() -> EmulatedRun:
+    """Return a run without any fault."""
+    return emulate(hidden_rig(RIG, "mm", 77), PLAN, seconds=5.0)
 
 
 def told(run: EmulatedRun) -> Account:
@@ -116,6 +124,24 @@ def test_a_sensor_that_is_good_again_is_taken_in_again():
     assert [each.kind for each in events] == ["sensor_fault", "sensor_left_out", "sensor_taken_in"]
     assert events[2].sample > (BEGIN + 0.6) * run.rig.acquisition.rate
     assert events[2].text == "proximity_x agrees with the estimate again and is taken in"
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "unit"), [("drift", 2e-5, "m"), ("runout", 3e-5, "m"), ("gain", 1.1, "")]
+)
+def test_a_sound_sensor_that_a_false_alarm_named_is_taken_in_again(kind, size, unit):
+    """It was never off by what the fault says, so nothing of it could become better."""
+    run = free_run()
+    observer = Observer(run.rig)
+    trust, changes = Trust(observer), []
+    for number, block in enumerate(run.blocks):
+        false = Fault(kind, "proximity_x", size, unit, 1.0, block.first_sample) if number == 250 else None
+        changes += trust.add(block, observer.update(block), [false] if false else [])
+    assert [(each.channel, each.left_out) for each in changes] == [
+        ("proximity_x", True),
+        ("proximity_x", False),
+    ]
+    assert changes[1].sample - changes[0].sample >= GOOD * STRETCH * run.rig.acquisition.rate
 
 
 def test_a_re_run_decides_the_same():
