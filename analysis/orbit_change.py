@@ -20,8 +20,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-MEAN_DEVIATION = 0.1e-6  # m, of a mean over a window: noise, the converter's steps, what is left of vibration
-VECTOR_DEVIATION = 0.1e-6  # m, of a vector's part, likewise
+LEAST_DOUBT = 0.05e-6
+"""m, of a mean or of a vector's part over a window: the converter's steps, a speed that varies."""
+UNEVEN = 0.15
+"""Of the free vibration, fitted as that of a rotor at rest: how much of it may pass for orbit."""
 MISFIT = (
     0.01  # of the largest change: what a right cause may leave, as speed and vibration are not quite steady
 )
@@ -35,6 +37,7 @@ class Steady(NamedTuple):
     mean: np.ndarray  # (n_probes,) m
     vector: np.ndarray  # (n_probes,) complex, m: 1X amplitude and phase
     residual: np.ndarray  # (n_probes,) m rms of what the fit leaves
+    doubt: np.ndarray  # (n_probes, 3) m: standard deviations of the mean and of both parts of the vector
 
 
 class Cause(NamedTuple):
@@ -52,6 +55,7 @@ def steady_orbit(
     """Fit a window: shaft `angle` (n,) rad, `time` (n,) s, `readings` (n_probes, n) m.
 
     `frequency` (rad/s) and `decay` (1/s) are the free vibration's. The mean is that at the window's middle.
+    Near the resonance orbit and vibration look alike for half a second, and the doubt is large.
     """
     fading, phase = np.exp(-decay * time), frequency * time
     basis = np.stack(
@@ -64,23 +68,41 @@ def steady_orbit(
             fading * np.sin(phase),
         ]
     )
-    weights = np.linalg.solve(basis @ basis.T, basis @ readings.T)
+    spread = np.linalg.inv(basis @ basis.T)
+    weights = spread @ (basis @ readings.T)
     residual = np.sqrt(np.mean((readings - weights.T @ basis) ** 2, axis=1))
-    return Steady(weights[0], weights[1] + 1j * weights[2], residual)
+    vibration = np.hypot(weights[4], weights[5])
+    noise = np.outer(residual, np.sqrt(np.diag(spread)[:NUMBERS]))
+    doubt = np.sqrt(LEAST_DOUBT**2 + noise**2 + (UNEVEN * vibration[:, np.newaxis]) ** 2)
+    return Steady(weights[0], weights[1] + 1j * weights[2], residual, doubt)
+
+
+def combined(orbits: Sequence[Steady]) -> Steady:
+    """Return the mean of steady orbits, each with the weight that its doubt deserves."""
+    means, vectors, residuals, doubt = (np.array(each) for each in zip(*orbits, strict=True))
+    weights = doubt**-2.0 / np.sum(doubt**-2.0, axis=0)
+    real, imaginary = weights[..., 1] * vectors.real, weights[..., 2] * vectors.imag
+    return Steady(
+        np.sum(weights[..., 0] * means, axis=0),
+        np.sum(real + 1j * imaginary, axis=0),
+        residuals.mean(axis=0),
+        np.maximum(np.sum(doubt**-2.0, axis=0) ** -0.5, LEAST_DOUBT),
+    )
+
+
+def numbers(mean: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Return (n_probes * 3,) m: for each probe its mean and both parts of its vector."""
+    return np.stack([mean, vector.real, vector.imag], axis=1).ravel()
+
+
+def doubts(reference: Steady, now: Steady) -> np.ndarray:
+    """Return the standard deviations (n_probes * 3,), m, of the change between two orbits."""
+    return np.asarray(np.hypot(reference.doubt, now.doubt)).ravel()
 
 
 def difference(reference: Steady, now: Steady) -> np.ndarray:
     """Return the change in standard deviations: for each probe its mean and both parts of its vector."""
-    vector = now.vector - reference.vector
-    parts = np.stack(
-        [
-            (now.mean - reference.mean) / MEAN_DEVIATION,
-            vector.real / VECTOR_DEVIATION,
-            vector.imag / VECTOR_DEVIATION,
-        ],
-        axis=1,
-    )
-    return parts.ravel()
+    return numbers(now.mean - reference.mean, now.vector - reference.vector) / doubts(reference, now)
 
 
 def cause_of(reference: Steady, now: Steady, directions: Sequence[complex], speed: float) -> Cause:
@@ -88,10 +110,11 @@ def cause_of(reference: Steady, now: Steady, directions: Sequence[complex], spee
 
     `directions` are the probes', as exp(i angle) from +x towards +y.
     """
-    change = difference(reference, now)
+    change, doubt = difference(reference, now), doubts(reference, now)
     deviation = max(1.0, MISFIT * float(np.abs(change).max()))
     found = []
-    for kind, probe, patterns in causes(reference, directions, speed):
+    for kind, probe, unknowns in causes(reference, directions, speed):
+        patterns = unknowns / doubt
         sizes = np.linalg.lstsq(patterns.T, change, rcond=None)[0]
         left = float(np.sum((change - sizes @ patterns) ** 2)) / deviation**2
         size = complex(sizes[0], sizes[1] if len(sizes) > 1 else 0.0)
@@ -104,7 +127,7 @@ def cause_of(reference: Steady, now: Steady, directions: Sequence[complex], spee
 def causes(
     reference: Steady, directions: Sequence[complex], speed: float
 ) -> Iterator[tuple[str, int, np.ndarray]]:
-    """Yield each cause: kind, probe, and what one unit of each of its unknowns changes, in deviations."""
+    """Yield each cause: kind, probe, and what one unit of each of its unknowns changes, m."""
     count = len(directions)
     for probe in range(count):
         vector = reference.vector[probe]
@@ -125,7 +148,7 @@ def causes(
 
 
 def changed(count: int, probe: int, mean: float, vector: complex) -> np.ndarray:
-    """Return the change, in deviations, of one probe's mean and vector."""
-    parts = np.zeros((count, NUMBERS))
-    parts[probe] = mean / MEAN_DEVIATION, vector.real / VECTOR_DEVIATION, vector.imag / VECTOR_DEVIATION
-    return parts.ravel()
+    """Return the change, m, of one probe's mean and vector among those of all."""
+    means, vectors = np.zeros(count), np.zeros(count, complex)
+    means[probe], vectors[probe] = mean, vector
+    return numbers(means, vectors)

@@ -84,7 +84,7 @@ SCATTER = Bound(0.02, 4.0)  # dispersion over the clearance, from which a motion
 STEADY = Bound(0.003, 2.0)  # dispersion of `SETTLED` revolutions, below which nothing is chaotic
 RETURN = Bound(0.02, 0.55)  # dispersion of `WINDOW` revolutions from which a motion is chaotic, together with
 PARTING = Bound(1.40, 6.0)  # the factor by which nearly equal motions part in `AHEAD` revolutions
-"""Both: between `python -m benchmarks.regime --fit` on true marks, and the same on what the twin saw of others."""
+"""Both: between `python -m benchmarks.regime --fit` on true marks, and the same on what the twin saw."""
 
 
 def likeliest(weights: Mapping[Regime, float]) -> Regime:

@@ -6,7 +6,7 @@ from math import pi, sqrt
 import numpy as np
 
 from analysis.cusum import Cusum
-from analysis.orbit_change import Cause, Steady, cause_of, difference, steady_orbit
+from analysis.orbit_change import Cause, Steady, cause_of, combined, difference, steady_orbit
 from daq.rig import Rig
 from simulator.rig import Model
 from twin.fault import Fault
@@ -50,11 +50,13 @@ class ProbeWatch:
         orbit = steady_orbit(window.angle, window.time, readings, self._frequency, self._decay)
         if (orbit.residual > QUIET * self._noise).any():
             return []
-        seen = self._references.setdefault(round(speed / SPEED_STEP), [])
+        number = round(speed / SPEED_STEP)
+        orbit = orbit._replace(vector=orbit.vector * self._as_at(number * SPEED_STEP, speed))
+        seen = self._references.setdefault(number, [])
         if len(seen) < REFERENCE:
             seen.append(orbit)
             return []
-        reference = mean_of(seen)
+        reference = combined(seen)
         change = difference(reference, orbit)
         if not self._sum.add(float(np.mean(change**2)), window.first_sample):
             if self._sum.onset is None and len(seen) < MOST_REFERENCE:
@@ -70,6 +72,11 @@ class ProbeWatch:
         """Learn what is usual anew."""
         self._references.clear()
         self._sum.reset()
+
+    def _as_at(self, speed: float, now: float) -> complex:
+        """Return by what the orbit's vector at one speed (rad/s) differs from that at the speed now."""
+        one, other = (response(self._model, each, self._station) for each in (speed, now))
+        return one / other
 
     def _fault(self, cause: Cause, speed: float, onset: int) -> Fault:
         """Return a cause as a fault, with its size in a unit that says something."""
@@ -103,8 +110,3 @@ def response(model: Model, speed: float, station: float) -> complex:
         + 1j * magnet.damping * arm * speed
     )
     return station * rotor.disk_station * speed**2 / impedance
-
-
-def mean_of(orbits: list[Steady]) -> Steady:
-    """Return the mean of steady orbits."""
-    return Steady(*(np.mean(np.array(values), axis=0) for values in zip(*orbits, strict=True)))

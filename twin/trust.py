@@ -21,9 +21,8 @@ KEPT = 8  # such stretches: how far the observer can go back
 MARGIN = 1.5  # s before the onset, which is known about so well, that it goes back to
 GOOD = 3  # stretches in a row in which a sensor must be good to be taken in again
 EXPECTED = 4.0  # times the variance that its distance from the estimate may have then: twice the deviation
-BETTER = (
-    1.0 / 3.0
-)  # of the largest distance since it was left out, or of what the fault's size would make of it
+BETTER = 1.0 / 3.0
+"""Of the largest distance since it was left out, or of the fault's, relative to what it should read."""
 QUIET = 3.0  # times the sensor's noise that it should read, or it cannot show whether its gain is right
 NEEDS_SIGNAL = ("gain", "skew")
 SQUARES = {"drift": 1.0, "noise": 1.0, "runout": 0.5}

@@ -10,7 +10,7 @@ from simulator.clearance import pin_distance
 from simulator.rig import BackupBearing, BearingKind, Model
 from twin.fault import Fault
 
-LEARNT = 4  # impacts at a wall from which its place is known
+LEARNT = 6  # impacts at a wall from which its place is known
 SPREAD = 12e-6  # m by which a wall's place varies from impact to impact
 USUAL, THRESHOLD, MOST = 4.0, 30.0, 10.0  # of the cumulative sums of squares of deviations
 OTHERS = 2  # impacts at another wall that show whether that stands where it did

@@ -14,7 +14,7 @@ CENTRE = -1.7e-3j
 
 def readings(directions, orbit=ORBIT, seed=0):
     """Return what probes in some directions read, with noise of 1 µm and a vibration that dies away."""
-    vibration = 2e-5 * np.exp((1j * FREQUENCY - DECAY) * TIME)
+    vibration = 2e-6 * np.exp((1j * FREQUENCY - DECAY) * TIME)
     place = CENTRE + orbit * np.exp(1j * ANGLE) + vibration
     noise = np.random.default_rng(seed).normal(0.0, 1e-6, (2, TIME.size))
     return np.array([(place * np.conj(n)).real for n in directions]) + noise

@@ -19,6 +19,7 @@ from tests.twin.emulated import series_of
 from twin.fault import Fault
 from twin.health import Health
 from twin.observer import Observer
+from twin.trust import Trust
 from twin.walls import depths
 
 FREE = 15.5, 20.0  # Hz, above the resonance
@@ -155,11 +156,15 @@ def told(case: Case) -> Iterator[tuple[float, Fault]]:
 
 
 def named(rig: Rig, run: Iterable[tuple[Series, np.ndarray]]) -> Iterator[tuple[float, Fault]]:
-    """Yield each fault that the health watch names in a run of blocks with their truth, and when (s)."""
+    """Yield each fault that is named in a run of blocks with their truth, and when (s), as the twin does."""
     observer = Observer(rig)
-    health = Health(rig, observer.tuning)
+    health, trust = Health(rig, observer.tuning), Trust(observer)
     for block, _ in run:
-        for fault in health.add(block, observer.update(block)):
+        estimated = observer.update(block)
+        faults = health.add(block, estimated)
+        for change in trust.add(block, estimated, faults):
+            health.believe(change.channel, not change.left_out)
+        for fault in faults:
             yield (block.first_sample + block.samples.shape[1]) / block.rate, fault
 
 
