@@ -1,6 +1,6 @@
 """How often the twin names the regime as it truly is, and whether its confidence is fair.
 
-A hundred motions drawn by seed, and 50 of each kind that mostly fly, lie in the bearing, rub forward and
+A hundred motions drawn by seed, and 60 of each kind that mostly fly, lie in the bearing, rub forward and
 whirl backward (`tests.twin.regime_cases`), seen by the twin through noisy sensors with contact parameters up
 to 20 % off. What a motion truly is follows from the simulated force, path and Lyapunov exponent. The baseline
 of an accuracy is that of always naming the most frequent regime; of the Brier score, that of always saying
@@ -21,7 +21,7 @@ from tests.twin.regime_accuracy import PLAIN, Naming, accuracy, brier, naming, r
 from tests.twin.regime_cases import CHAOS, drawn_case, exponent, motion_of, settled, watched_run
 
 DRAWN = range(12000, 12100)
-OF_A_KIND = range(12000, 12050)
+OF_A_KIND = range(12000, 12060)
 FITTED = {"any": range(400), "heavy": range(150)}
 
 

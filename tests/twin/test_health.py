@@ -7,6 +7,7 @@ from daq.rig import load_rig
 from tests.twin.cases import hidden_rig
 from tests.twin.emulated import performed
 from tests.twin.faults import BEARINGS, BOUNCING, FREE, KINDS, blocks, drawn, found, is_right, named
+from tests.twin.nominal import alarms
 from twin.fault import Fault
 
 QUICK = ("probe's gain", "probe's runout", "lost channel", "added unbalance", "loose transducer", "worn pin")
@@ -54,3 +55,10 @@ def test_nineteen_of_twenty_drawn_faults_are_named_within_two_seconds():
 def test_the_default_plan_gives_no_alarm(name):
     rig = load_rig(name, ["emulator.actual.rotor.unbalance_angle=1.0"])
     assert list(named(rig, performed(rig, load_plan("resonance", rig)))) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [30004, 30005, 30009])
+def test_hits_ramps_and_dwells_near_the_resonance_give_no_alarm(seed):
+    """In each, what was left of the free vibration once passed for a probe's fault."""
+    assert alarms(seed, 300.0) == []
