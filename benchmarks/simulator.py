@@ -4,10 +4,10 @@ Beside it, on the same job: a plain Runge-Kutta 4 at 10 us in numba that uses th
 stretch of it, `scipy.integrate.solve_ivp` (RK45 and DOP853) with the same compiled derivatives, begun anew
 at each contact's entry and exit. The plain one also stands beside runs at constant, prescribed speeds: free
 of contact (20 Hz), bouncing (12 Hz), and in permanent contact (990 g mm at 20 Hz), and the same with the
-motor and its controller. A sweep of 1000 rigs runs on one thread and on two, by the clock. Variants take
-turns in rotated order; figures are medians, in processor time but for the sweep. Run
-`python -m benchmarks.simulator`; with `--ross PYTHON`, a Python that has ross-rotordynamics, its rub model
-stands beside the bouncing rig.
+motor and its controller. A sweep of 1000 rigs runs on one thread and on two, by the clock, and beside it two
+threads that have nothing in common, which is what the machine can give. Variants take turns in rotated
+order; figures are medians, in processor time but for the sweep. Run `python -m benchmarks.simulator`; with
+`--ross PYTHON`, a Python that has ross-rotordynamics, its rub model stands beside the bouncing rig.
 """
 
 import json
@@ -23,6 +23,7 @@ from math import tau
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from benchmarks import sweep_scaling
 from benchmarks.report import Figure, in_turns, parser, show
 from daq.rig import load_rig
 from simulator.compile import kernel
@@ -33,7 +34,6 @@ from simulator.rig import DriveMode, Model
 from simulator.simulation import Simulation, signals_for
 from simulator.state import Inputs
 from simulator.stepping import pack, unpacked
-from simulator.sweep import Leg, sweep
 
 ROUNDS = 5
 CHUNK = 1000  # samples a call
@@ -43,9 +43,7 @@ STRETCH = 0.4  # s, for scipy
 SCIPY = ("RK45", "DOP853")
 PLAIN = "plain Runge-Kutta 4 at 10 us, numba"
 PLAIN_SUBSTEPS = 4  # of 10 us
-CONSTANT_CHUNK = 5000  # samples a call at constant speed, where a call's own 9 us would show
-SWEPT = 1000  # rigs
-SWEEP_SECONDS = 5.0  # of each rig; making one costs as much as 0.3 s of it
+CONSTANT_CHUNK = 5000  # samples a call at constant speed, where a call's own 3 us would show
 DEMANDED = 50.0  # times real time
 CONSTANT = {  # Hz and kg m
     "free_of_contact": (20.0, 75e-6),
@@ -89,10 +87,16 @@ def plain_step(model: Model, candidates: np.ndarray, inputs: Inputs, values: np.
 
 @kernel
 def plain_run(
-    model: Model, candidates: np.ndarray, ramp: np.ndarray, first: int, values: np.ndarray, out: np.ndarray
+    model: Model,
+    candidates: np.ndarray,
+    ramp: np.ndarray,
+    first: int,
+    values: np.ndarray,
+    out: np.ndarray,
+    work: np.ndarray,
 ):
-    """Fill `out` (17, n) as the simulator does, stepping 10 us at a time wherever the shaft is."""
-    tick, work = 40e-6, np.empty((5, 12))
+    """Fill `out` (17, n) as the simulator does, stepping 10 us at a time; `work` is (5, 12)."""
+    tick = 40e-6
     for column in range(out.shape[1]):
         force = contact_force(model, candidates, unpacked(values))
         for row in range(11):
@@ -143,9 +147,10 @@ class Job:
     def plain(self) -> float:
         """Run the plain integrator; return the same."""
         values, ramp = self.start.copy(), np.array([self.start[10], tau * 16.0, RAMP, 0.0])
+        work = np.empty((5, 12))
         begin = time.process_time()
         for chunk in range(self.chunks):
-            plain_run(self.model, self.candidates, ramp, chunk * CHUNK, values, self.buffer)
+            plain_run(self.model, self.candidates, ramp, chunk * CHUNK, values, self.buffer, work)
         return SECONDS / (time.process_time() - begin)
 
     @property
@@ -175,11 +180,11 @@ class Constant:
     def plain(self) -> float:
         """Run the plain integrator; return the same."""
         values, ramp = self.start.copy(), np.array([self.start[10], self.start[10], 1.0, 0.0])
-        model = Simulation(self.model).model
+        model, work = Simulation(self.model).model, np.empty((5, 12))
         return self._rate(
             4,
             lambda chunk: plain_run(
-                model, self.candidates, ramp, chunk * CONSTANT_CHUNK, values, self.buffer
+                model, self.candidates, ramp, chunk * CONSTANT_CHUNK, values, self.buffer, work
             ),
         )
 
@@ -188,15 +193,6 @@ class Constant:
         for chunk in range(chunks):
             run(chunk)
         return chunks * CONSTANT_CHUNK / 25000 / (time.process_time() - begin)
-
-
-def sweep_rate(model: Model, workers: int) -> float:
-    """Sweep speed and unbalance over `SWEPT` rigs; return seconds of run for each second of the clock."""
-    changes = {"rotor.unbalance": np.tile(np.linspace(20e-6, 200e-6, 40), SWEPT // 40)}
-    speeds = np.repeat(tau * np.linspace(8.0, 18.0, SWEPT // 40), 40)
-    begin = time.perf_counter()
-    sweep(model, changes, [Leg(speeds, tau * 26.7, SWEEP_SECONDS)], workers=workers)
-    return SWEPT * SWEEP_SECONDS / (time.perf_counter() - begin)
 
 
 class Stretch:
@@ -306,8 +302,6 @@ def measured(ross: str | None) -> dict[str, Figure]:
             **{method: partial(stretch.scipy, method) for method in SCIPY},
             **{name: job.simulated for name, job in constant.items()},
             **{f"{name}_plain": job.plain for name, job in constant.items()},
-            "two_cores": lambda: sweep_rate(ideal, 2),
-            "one_core": lambda: sweep_rate(ideal, 1),
         }
     )
     unit = "x real time"
@@ -322,7 +316,7 @@ def measured(ross: str | None) -> dict[str, Figure]:
             for method in SCIPY
         },
         **{name: Figure(speed[name], unit, speed[f"{name}_plain"], PLAIN) for name in constant},
-        "sweep_of_1000": Figure(speed["two_cores"], unit, speed["one_core"], "one thread instead of two"),
+        **sweep_scaling.measured(ideal),
         "first_start": Figure(compile_time(), "s", 15.0, "what a new user may wait for the kernels"),
     }
     if ross:

@@ -83,9 +83,11 @@ def sweep(
     failures: dict[int, str] = {}
     refused: list[RigError] = []
 
-    def perform(numbers: range) -> None:
+    numbers = iter(range(len(models)))
+
+    def perform(_thread: int) -> None:
         memory = np.empty(len(SIGNALS) * CHUNK)
-        for number in numbers:
+        for number in numbers:  # each takes the next that no other has taken, so that all end at once
             if refused:
                 return
             try:
@@ -99,9 +101,7 @@ def sweep(
 
     threads = max(1, min(workers or cpu_count() or 1, len(models)))
     with ThreadPoolExecutor(threads) as pool:
-        # Small shares, so that a thread that is done early finds more to do.
-        shares = [range(begin, len(models), 4 * threads) for begin in range(4 * threads)]
-        for _ in pool.map(perform, shares):
+        for _ in pool.map(perform, range(threads)):
             pass
     if refused:
         raise refused[0]
