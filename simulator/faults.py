@@ -76,8 +76,12 @@ SIZES = {
 """What `size` means; the other kinds have none."""
 
 MOST_SAMPLES = 1_000_000
+MOST_KEPT = 10_000
+"""Samples of the past that are kept at most: with ten times as many the emulator falls behind real time."""
 MOST_DRIFT = 100_000.0  # ppm
-IN_SAMPLES = (FaultKind.SKEW, FaultKind.DROPPED, FaultKind.REPEATED)
+KEPT = (FaultKind.SKEW, FaultKind.REPEATED)
+"""Kinds for which as many samples of the past are kept as their size says."""
+IN_SAMPLES = (*KEPT, FaultKind.DROPPED)
 POSITIVE = (FaultKind.NOISE, FaultKind.RUNOUT, FaultKind.LATE)
 ONCE = (FaultKind.DROPPED, FaultKind.REPEATED, FaultKind.LATE, FaultKind.UNPLUGGED)
 """Kinds without a duration: their size says how long they last, or nothing follows."""
@@ -116,8 +120,9 @@ def check_fault(fault: Fault) -> None:
 def check_size(fault: Fault, place: str) -> None:
     """Refuse a size that a fault of its kind cannot have. Raises `RigError`."""
     size = fault.size or 0.0
-    if fault.kind in IN_SAMPLES and not (0.0 <= size <= MOST_SAMPLES and size == int(size)):
-        raise RigError(f"{place} size = {size:g} must be a whole number of samples from 0 to {MOST_SAMPLES}")
+    most = MOST_KEPT if fault.kind in KEPT else MOST_SAMPLES
+    if fault.kind in IN_SAMPLES and not (0.0 <= size <= most and size == int(size)):
+        raise RigError(f"{place} size = {size:g} must be a whole number of samples from 0 to {most}")
     if fault.kind == FaultKind.CLOCK_DRIFT and abs(size) > MOST_DRIFT:
         raise RigError(f"{place} size = {size:g} must be from -{MOST_DRIFT:g} to {MOST_DRIFT:g} ppm")
     if fault.kind in POSITIVE and size < 0.0:

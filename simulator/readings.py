@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator.compile import kernel
-from simulator.faults import Fault, FaultKind, Span, edges, schedule, span_of
+from simulator.faults import MOST_KEPT, Fault, FaultKind, Span, edges, schedule, span_of
 from simulator.instruments import Probe
 from simulator.numeric import sine_cosine
 from simulator.rig import RigError
@@ -39,18 +39,18 @@ class Readings:
         self._spans = schedule(faults, rate)
         self._edges = edges(self._spans)
         self._rows = [row_of(span.fault, names, table) for span in self._spans]
-        self._memory = sum(map(lag_of, faults))  # samples of the past that are needed
+        self._memory = memory_of(faults)  # samples of the past that are needed
         self._past: Signals | None = None
         self._held: dict[int, float] = {}  # reading of a stuck channel, by fault
 
     def add_fault(self, fault: Fault) -> None:
         """Have one more fault, from a sample on that is still to come. Raises `RigError`."""
         row = row_of(fault, [channel.name for channel in self.channels], self.table)
+        self._memory = memory_of([*(span.fault for span in self._spans), fault])
         self._spans.append(span_of(fault, self.rate))
         self._rows.append(row)
         self._edges = edges(self._spans)
         lag = lag_of(fault)
-        self._memory += lag
         if self._past is not None and lag:
             oldest = np.repeat(self._past[:, :1], lag, axis=1)
             self._past = np.concatenate((oldest, self._past), axis=1) if oldest.size else None
@@ -169,6 +169,17 @@ class Readings:
 def lag_of(fault: Fault) -> int:
     """Return by how many samples a fault makes its channel lag."""
     return int(fault.size or 0.0) if fault.kind == FaultKind.SKEW else 0
+
+
+def memory_of(faults: Iterable[Fault]) -> int:
+    """Return how many samples of the past faults need together. Raises `RigError` for too many."""
+    memory = sum(map(lag_of, faults))
+    if memory > MOST_KEPT:
+        raise RigError(
+            f'[[emulator.fault]] kind = "skew": the sizes add up to {memory} samples, which are all kept; '
+            f"they may add up to {MOST_KEPT}"
+        )
+    return memory
 
 
 def row_of(fault: Fault, names: Sequence[str], table: SensorTable) -> int:

@@ -56,6 +56,17 @@ def test_one_that_is_injected_beside_another_changes_nothing_of_that():
     np.testing.assert_array_equal(samples(rig, 0.1)[:, 2750 + 25 :], wanted[:, 2750 + 25 :])
 
 
+def test_skews_that_together_need_too_much_of_the_past_are_refused():
+    rig = started("thesis-ball", (), (), None)
+    rig.run(0.01)
+    rig.inject("skew", channel="proximity_x", size=6_000)
+    with pytest.raises(ValueError, match="the sizes add up to 10001 samples.*may add up to 10000"):
+        rig.inject("skew", channel="proximity_y", size=4_001)
+    rig.inject("skew", channel="proximity_y", size=4_000)
+    rig.run(0.01)
+    rig.close()
+
+
 def test_it_begins_now_and_the_rig_is_tripped_by_it():
     rig = started("thesis-ball", (), (), None)
     rig.run(0.1)

@@ -250,6 +250,14 @@ BAD = {
         'kind = "skew"\nat = 1.0\nsize = 1.5\nchannel = "force_top"',
         "size = 1.5 must be a whole number",
     ),
+    "more than is kept": (
+        'kind = "skew"\nat = 1.0\nsize = 10_001\nchannel = "force_top"',
+        "size = 10001 must be a whole number of samples from 0 to 10000",
+    ),
+    "more repeated than is kept": (
+        'kind = "repeated"\nat = 1.0\nsize = 1_000_000',
+        r"size = 1e\+06 must be a whole number of samples from 0 to 10000",
+    ),
     "too early": ('kind = "magnet-lost"\nat = -1.0', "at = -1 is outside"),
     "no pin": ('kind = "worn-pin"\nat = 1.0\nsize = 1e-4', "needs a pinned one"),
     "no gap left under a pin": (
