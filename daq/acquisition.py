@@ -215,7 +215,7 @@ class Acquisition:
     def end(self) -> None:
         """Publish what is left and the event `end`, whose detail `samples` is the run's last index plus 1."""
         self._stream.flush()
-        self._record(True)
+        self.switch_recording(True)
         self._events.advance(self.sample, ending=True)
         self.ending = self.ended = True
         details = {"samples": self.sample, "lost": self.lost}
@@ -227,7 +227,7 @@ class Acquisition:
 
     def fail(self, reason: str) -> None:
         """Publish that the device failed, before `end`; recording is switched on for it."""
-        self._record(True)
+        self.switch_recording(True)
         self._events.add("failure", reason, self.sample, ALARM)
 
     def status(self) -> Status:
@@ -309,7 +309,7 @@ class Acquisition:
         if decision.fault:
             self._inject(decision.fault)
         if command.name == "record":
-            self._record(command.texts["switch"] == "on")
+            self.switch_recording(command.texts["switch"] == "on")
         if command.name in ("stop", "trip"):
             self._disarm()
         if command.name == "trip":
@@ -364,11 +364,14 @@ class Acquisition:
     def _disarm(self) -> None:
         """Revoke the lease, and go on recording, which is off for no longer than its holder is there."""
         self.commands.disarm()
-        self._record(True)
+        self.switch_recording(True)
 
-    def _record(self, switch: bool) -> None:
-        """Switch recording on or off; publish which samples were left out, once they are over."""
-        left_out = self._stream.record(switch, self._backend.clock())
+    def switch_recording(self, switch: bool, sample: int | None = None) -> None:
+        """Switch recording on, or off from a sample on; None: from the present one.
+
+        Blocks that are not to be recorded are flagged; once they are over, an event tells which they were.
+        """
+        left_out = self._stream.record(switch, self._backend.clock() if sample is None else sample)
         if left_out:
             first, last = left_out
             seconds = (last - first + 1) / self.rig.acquisition.rate

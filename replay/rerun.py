@@ -5,19 +5,20 @@ process are in the recording as the twin's events, by sample index. `estimate` d
 block.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from daq import keys
 from daq.describe import versions
-from daq.messages import Series
+from daq.messages import Series, read_header
 from daq.recording import Message, RecordingError, RecordingWriter
 from daq.recording.certificate import Certificate
+from daq.recording.withheld import left_out
 from daq.rig import Rig, rig_from_text
 from daq.series_layout import SeriesDecoder
 from replay.history import NOT_RECEIVED, History, RepeatableRun
 from replay.pipeline import ahead, behind
-from twin.estimation import SOURCE, Twin
+from twin.estimation import NOT_RECORDED, SOURCE, Twin
 
 Progress = Callable[[int], object]
 
@@ -102,13 +103,14 @@ def estimate(source: str | Path, target: str | Path, progress: Progress = lambda
         run.check_files()
         description = run.description
         twin = Twin(rig_of(run), description.run, description.t0_ns)
+        stretches = left_out(run.events())
         with RecordingWriter(target, description) as writer:
             writer.note("twin", {"source": run.path.name, **versions()})
             with ahead(without_twin(run)) as messages, behind(writer.add) as write:
                 for message in messages:
                     write(message.key, message.payload)
                     if message.key == keys.block(description.rig):
-                        for made in _process(twin, message.payload):
+                        for made in _process(twin, message.payload, _cause(twin, message.payload, stretches)):
                             write(*made)
                         progress(twin.observer.expected or 0)
                 for made in twin.finish():
@@ -126,6 +128,13 @@ def _process(twin: Twin, payload: bytes, cause: str = NOT_RECEIVED) -> list[tupl
         return twin.process(payload, cause)
     except ValueError as error:
         raise RecordingError(f"the twin cannot be run again: {error}") from error
+
+
+def _cause(twin: Twin, payload: bytes, stretches: Sequence[tuple[int, int]]) -> str:
+    """Return why samples before a block are missing, if any are: as live, not lost if some were left out."""
+    sample, expected = read_header(payload).sample, twin.observer.expected or 0
+    omitted = any(first < sample and last >= expected for first, last in stretches)
+    return NOT_RECORDED if omitted else NOT_RECEIVED
 
 
 def without_twin(run: RepeatableRun) -> Iterator[Message]:

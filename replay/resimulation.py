@@ -1,6 +1,6 @@
 """The emulated rig once more, with given outputs at given samples in place of anybody's commands."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +10,11 @@ from daq import keys
 from daq.acquisition import Acquisition
 from daq.backend import Output, Reading
 from daq.backends.emulator import Emulator
-from daq.messages_pb2 import Description
+from daq.messages_pb2 import Description, Event
 from daq.recording import RecordingError, RecordingWriter
 from daq.recording.certificate import Certificate
 from daq.recording.recorded_run import RecordedRun
+from daq.recording.withheld import Withheld, calls, left_out
 from daq.rig import Rig, rig_from_text
 from replay.outputs import Written, outputs_of
 from twin.estimation import Twin
@@ -53,6 +54,25 @@ class Scripted(Emulator):
         return super().read(out)
 
 
+class Pauses:
+    """Recording switched off and on as in a run, of which `events` tell, and what its trips called for."""
+
+    def __init__(self, events: Iterable[Event], rig: Rig) -> None:
+        told = list(events)
+        self._stretches = left_out(told)
+        self.withheld = Withheld(rig.toml, rig.acquisition.rate)
+        for event in filter(calls, told):
+            self.withheld.release(keys.event(rig.name, "daq"), event.SerializeToString())
+
+    def switch(self, acquisition: Acquisition) -> None:
+        """Switch recording as far as the acquisition has come; called before each of its steps."""
+        if self._stretches and acquisition.sample > self._stretches[0][1]:
+            acquisition.switch_recording(True)
+            self._stretches.pop(0)
+        if self._stretches:
+            acquisition.switch_recording(False, self._stretches[0][0])
+
+
 def acquire(
     rig: Rig,
     device: Scripted,
@@ -60,14 +80,19 @@ def acquire(
     end: int,
     *,
     twin: Twin | None = None,
+    told: Iterable[Event] = (),
     progress: Progress = lambda sample: None,
 ) -> None:
-    """Acquire from an opened device into a recording, from the description's first sample to before `end`."""
+    """Acquire from an opened device into a recording, from the description's first sample to before `end`.
+
+    Recording is off where the events `told` of another run say that it was.
+    """
     description = writer.description
-    block = keys.block(rig.name)
+    block, pauses = keys.block(rig.name), Pauses(told, rig)
 
     def record(key: str, payload: bytes) -> None:
-        writer.add(key, payload)
+        for message in pauses.withheld.release(key, payload):
+            writer.add(*message)
         if key == block and twin is not None:
             for made in twin.process(payload):
                 writer.add(*made)
@@ -76,6 +101,7 @@ def acquire(
     acquisition.sample = description.first_sample
     acquisition.begin()
     while acquisition.sample < end:
+        pauses.switch(acquisition)
         acquisition.step()
         progress(acquisition.sample)
     acquisition.end()
@@ -88,7 +114,7 @@ def resimulate(
 
     The signals are the recorded ones bit by bit, on a computer of the same numeric fingerprint, unless the
     device lost samples or the protection tripped: a trip drops the enable output too, at a sample that is
-    not told. What was left out of the recording, as commanded, is in the new one.
+    not told. What was left out of the recording, as commanded, is left out of the new one.
 
     Raises:
         RecordingError: the source is no emulated run, or cannot be read; the target cannot be written.
@@ -106,7 +132,7 @@ def resimulate(
         twin = Twin(rig, description.run, description.t0_ns) if rig.twin.model != "none" else None
         device.open(rig)
         with RecordingWriter(target, _copy(description)) as writer:
-            acquire(rig, device, writer, end, twin=twin, progress=progress)
+            acquire(rig, device, writer, end, twin=twin, told=events, progress=progress)
             return writer.close()
 
 

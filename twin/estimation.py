@@ -130,10 +130,10 @@ class Twin:
         first = estimated.first_sample
         if estimated.missing:
             begin, end = estimated.missing
-            self.lost += 0 if self._passed_over else end - begin + 1
+            self.lost += 0 if cause == NOT_RECORDED else end - begin + 1
             details = {"first": begin, "last": end, "cause": cause}
             text = f"{end - begin + 1} samples before this one are missing: {cause}"
-            severity = INFO if self._passed_over else WARNING
+            severity = INFO if cause == NOT_RECORDED else WARNING
             return [self._event("gap", text, first, severity, details)]
         if estimated.restarted and self.samples == 0:
             text = "the estimate begins" if first == 0 else f"the estimate begins late, {self._after(first)}"

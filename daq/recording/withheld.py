@@ -2,8 +2,10 @@
 
 import tomllib
 from collections import deque
+from collections.abc import Iterable
 
 from daq import keys
+from daq.events import LEFT_OUT
 from daq.messages import BlockStatus, read_header, read_status
 from daq.messages_pb2 import Event
 from daq.rig.settings import CaptureSettings
@@ -69,3 +71,12 @@ class Withheld:
 def calls(event: Event) -> bool:
     """Tell whether an event makes what came before it wanted."""
     return event.source == "daq" and event.kind in CALLS
+
+
+def left_out(events: Iterable[Event]) -> list[tuple[int, int]]:
+    """Return (first, last) sample of each stretch that was not to be recorded, as the daq's events tell.
+
+    Of these, what came before a call is recorded nevertheless.
+    """
+    told = [event.details for event in events if event.source == "daq" and event.kind == LEFT_OUT]
+    return sorted((int(details["first"]), int(details["last"])) for details in told)

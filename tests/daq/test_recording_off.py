@@ -15,6 +15,8 @@ from daq.recording.certificate import Certificate
 from daq.recording.recorded_run import RecordedRun
 from daq.recording.withheld import Withheld
 from daq.rig import load_rig
+from replay.rerun import estimate
+from replay.resimulation import resimulate
 from replay.verify import IDENTICAL, verify
 from rigtwin.cli import main
 from tests.daq.recorded_run import BLOCK, RATE, Maker, description
@@ -298,11 +300,17 @@ duration = 0.3
 """
 
 
-def test_a_plan_pauses_recording_and_the_twin_repeats_what_it_made_of_it(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "pause.toml").write_text(PLAN)
-    assert main(["simulate", "pause.toml", "-o", "run.mcap"]) == 0
-    capsys.readouterr()
+@pytest.fixture(scope="module")
+def paused(tmp_path_factory):
+    """The folder of a recording `run.mcap` that a plan paused."""
+    folder = tmp_path_factory.mktemp("paused")
+    (folder / "pause.toml").write_text(PLAN)
+    assert main(["simulate", str(folder / "pause.toml"), "-o", str(folder / "run.mcap")]) == 0
+    return folder
+
+
+def test_a_plan_pauses_recording_and_the_twin_repeats_what_it_made_of_it(paused, monkeypatch, capsys):
+    monkeypatch.chdir(paused)
     assert main(["info", "run.mcap", "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
     ((first, last),) = facts["left_out"]
@@ -315,3 +323,32 @@ def test_a_plan_pauses_recording_and_the_twin_repeats_what_it_made_of_it(tmp_pat
     assert f"left out     samples {first} to {last}\n" in capsys.readouterr().out
     verdict = verify("run.mcap")
     assert (verdict.verdict, verdict.notes) == (IDENTICAL, ())
+
+
+def test_what_was_left_out_is_left_out_again(paused, tmp_path):
+    with Recording(paused / "run.mcap") as recording:
+        wanted = recording.certificate
+    found = resimulate(paused / "run.mcap", tmp_path / "again.mcap")
+    assert wanted.left_out
+    assert (found.left_out, found.received, found.gaps) == (wanted.left_out, wanted.received, ())
+    assert found.signal_digests == wanted.signal_digests
+    assert recorded_account(tmp_path / "again.mcap").left_out == wanted.left_out
+
+
+def test_a_fresh_twin_says_that_it_was_left_out(paused, tmp_path):
+    estimate(paused / "run.mcap", tmp_path / "anew.mcap")
+    gaps = []
+    for path in (paused / "run.mcap", tmp_path / "anew.mcap"):
+        with Recording(path) as recording:
+            gaps += [
+                (each.sample, each.severity, each.text) for each in recording.events() if each.kind == "gap"
+            ]
+    live, anew = gaps
+    assert live == anew
+
+
+def test_what_a_trip_called_for_is_there_again(tmp_path):
+    run = tripped()
+    wanted = recorded_account(run.write(tmp_path / "run.mcap"))
+    found = resimulate(tmp_path / "run.mcap", tmp_path / "again.mcap")
+    assert (found.left_out, found.received) == (wanted.left_out, wanted.received)
