@@ -4,8 +4,8 @@ A hundred faults drawn by seed, ten of each of `FAULTS`, on the ball, the plain 
 drawn times, speeds and sizes (`tests.twin.faults`, which holds the bounds). Right is a run in which kind,
 channel and pin are named, and nothing else is. Then sound runs of five minutes with drawn speeds, ramps,
 dwells and hits (`tests.twin.nominal`), `--hours` of them, in which nothing may be named. In all of them,
-contact, coupling and unbalance differ from what the twin is told. Runs take turns on all cores, and half an
-hour on one. Run `python -m benchmarks.health`.
+contact, coupling and unbalance differ from what the twin is told. It takes half an hour of one core, on as
+many as there are, so `python -m benchmarks` leaves it out. Run `python -m benchmarks.health`.
 """
 
 from collections.abc import Sequence
