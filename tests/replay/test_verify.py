@@ -197,13 +197,13 @@ def test_an_altered_recording_proves_nothing(tmp_path, capsys):
 def test_a_recording_that_was_cut_off_is_repeated_as_far_as_it_goes(tmp_path, capsys):
     content = BALL.read_bytes()
     (tmp_path / "cut.mcap").write_bytes(content[: len(content) // 2])
+    wanted = verify(BALL).verdict  # what it was made with stands at its beginning
     assert main(["verify", str(tmp_path / "cut.mcap")]) == 0
     said = capsys.readouterr().out
-    assert ": equivalent: " in said
-    assert "every bit is equal" in said
+    assert f"cut.mcap: {wanted}" in said
     assert "cut.mcap is incomplete" in said
     main(["recover", str(tmp_path / "cut.mcap"), "-o", str(tmp_path / "mended.mcap")])
-    assert verify(tmp_path / "mended.mcap").verdict == EQUIVALENT  # with what it was made is not known
+    assert verify(tmp_path / "mended.mcap").verdict == wanted
 
 
 def test_the_twin_afresh_gives_what_it_gave(tmp_path, capsys):
