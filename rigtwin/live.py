@@ -93,7 +93,7 @@ def rig_of(options: argparse.Namespace) -> "Rig":
 def run(options: argparse.Namespace) -> int:
     """Run the rig; return 0 when all went as planned, 1 when the plan was cut short or something failed."""
     from daq.backend import check_known
-    from daq.ports import with_free_ports
+    from daq.ports import check_free, with_free_ports
     from daq.recording.metadata import metadata_of
     from daq.recording.rotation import rotation
     from daq.runtime import refuse_second
@@ -106,6 +106,7 @@ def run(options: argparse.Namespace) -> int:
     if options.rotate:
         rotation(options.rotate)  # refused now rather than by the recorder
     refuse_second(rig.name)
+    check_free(rig)
     rig = with_free_ports(rig)
     path = None if options.no_record else new_recording(options.record, rig.name)
     with TemporaryDirectory(prefix="rigtwin-") as folder, StopRequest() as stop:

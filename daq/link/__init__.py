@@ -11,7 +11,7 @@ from daq.link.session import (
     Request,
     Subscription,
 )
-from daq.link.settings import LinkError, free_ports
+from daq.link.settings import LinkError, free_ports, is_taken
 
 __all__ = [
     "Declaration",
@@ -25,4 +25,5 @@ __all__ = [
     "Request",
     "Subscription",
     "free_ports",
+    "is_taken",
 ]

@@ -1,5 +1,6 @@
 """What a link is told: endpoints checked, zenoh's settings as plain values, and its errors in plain words."""
 
+import errno
 import random
 import re
 import socket
@@ -69,6 +70,17 @@ def reason(error: Exception, listen: Sequence[str], connect: Sequence[str]) -> s
         return f"{endpoint} is no address of this machine: listen on one of its own, as 127.0.0.1"
     without_places = re.sub(r" at /\S+", "", text).splitlines()[0]
     return f"cannot open the link on {', '.join([*listen, *connect])}: {without_places}"
+
+
+def is_taken(host: str, port: int) -> bool:
+    """Tell whether another process listens on a TCP port of an address of this machine."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            return error.errno == errno.EADDRINUSE
+    return False
 
 
 def free_ports(count: int) -> list[int]:

@@ -61,9 +61,9 @@ def test_a_port_in_use_is_named(tmp_path):
         port = server.getsockname()[1]
         options = ("--view", "none", "--no-record", "--plan", "none", "--set", f"link.daq={port}")
         result = rigtwin("live", *options, cwd=tmp_path)
-    assert result.returncode == 1
-    assert f"{port} is in use" in result.stdout
-    assert "Traceback" not in result.stdout + result.stderr
+    assert result.returncode == 2
+    assert f"link.daq = {port}: the port is in use" in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path):

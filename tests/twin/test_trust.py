@@ -111,7 +111,8 @@ def test_after_a_drift_place_and_force_stay_near_their_bands_and_the_place_would
     assert np.isfinite(account.rows["residual_proximity_x"][before]).all()
     assert np.isnan(account.rows["residual_proximity_x"][after]).all()
     believing, sigma = credulous(run), "displacement_x_sigma"
-    # Of a Gaussian 0.95 are within 2 sigma; here fewer, as the drift's first moments were believed.
+    # Of a Gaussian 0.95 are within 2 sigma. Here fewer: a single probe leaves the estimate a little too sure
+    # of itself through impacts (0.8 to 0.9 without any drift), and the drift's first moments were believed.
     assert share_within(account.rows, run, since, "displacement_x") > 0.7
     assert share_within(account.rows, run, since, "normal_force") > 0.8
     assert share_within(believing, run, since, "displacement_x") < 0.1
