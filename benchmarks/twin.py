@@ -5,7 +5,8 @@ from the twin, on the ball and the pinned bearing. Cases: `mm`, parameters off b
 model's form is wrong too (`tests.twin.cases`). Beside the observer, on the same runs: the observer without
 transducers; the linear filter on the probes (its force is what true unbalance and weight leave of the moment
 that it finds); an open-loop shadow (the same model, never corrected, but told the true unbalance); and the
-raw transducers (their resultant taken for the contact force). Then how often the regime is named right
+raw transducers (their resultant taken for the contact force). Then what smoothing makes better between
+impacts, how often the regime is named right
 (`benchmarks.regime`), and what the twin costs in free flight, bouncing and violent backward whirl, live and
 offline. `--json` gives figures, otherwise the whole table is printed too. Run `python -m benchmarks.twin`.
 """
@@ -28,10 +29,12 @@ from replay.rerun import estimate
 from tests.twin.accuracy import (
     Calibration,
     Errors,
+    Hindsight,
     Observation,
     Trace,
     calibration_of,
     errors_of,
+    hindsight_of,
     observe,
     trace_of,
 )
@@ -72,7 +75,7 @@ def shadowed(run: EmulatedRun) -> Trace:
     parts = [observer.update(run.blocks[0])]
     observer.sensors.low[:] = np.inf  # no reading is above it: none is used
     parts += [observer.update(block) for block in run.blocks[1:]]
-    return trace_of(Observation(run, parts, np.empty(0), observer))
+    return trace_of(Observation(run, parts, np.empty(0), observer, []))
 
 
 def filtered(run: EmulatedRun) -> Trace:
@@ -136,8 +139,18 @@ def calibrations() -> dict[str, Calibration]:
     }
 
 
-def print_table(rows: dict[str, dict[str, Errors]], fair: dict[str, Calibration]) -> None:
-    """Print the table of errors, and the doubts."""
+def smoothings() -> dict[str, Hindsight]:
+    """Return what `rigtwin twin --smooth` makes better on each rig, where the model's form is right."""
+    return {
+        rig: hindsight_of([observe(case_run(f"thesis-{rig}", "mm", seed), smooth=True) for seed in SEEDS])
+        for rig in RIGS
+    }
+
+
+def print_table(
+    rows: dict[str, dict[str, Errors]], fair: dict[str, Calibration], smoothed: dict[str, Hindsight]
+) -> None:
+    """Print the table of errors, the doubts, and what smoothing does."""
     print(
         f"{'case':14} {'method':17} {'corr.':>7} {'peak':>6} {'<5 %':>5} {'<10 %':>5} {'imp.<5 %':>8} "
         f"{'pin':>6} {'missed':>6} {'false':>6} {'µm':>8} {'mm/s':>8}"
@@ -157,6 +170,13 @@ def print_table(rows: dict[str, dict[str, Errors]], fair: dict[str, Calibration]
             f"{doubt.innovations.max():.2f}, within 1 and 2 sigma {doubt.one_sigma:.0%} and "
             f"{doubt.two_sigma:.0%} of motion, {doubt.force_one_sigma:.0%} and {doubt.force_two_sigma:.0%} "
             "of force"
+        )
+    for rig, found in smoothed.items():
+        print(
+            f"{rig} mm smoothed: {found.share:.0%} of flight, {1e6 * found.filter_position:.3f} to "
+            f"{1e6 * found.position:.3f} µm, {1e3 * found.filter_velocity:.4f} to "
+            f"{1e3 * found.velocity:.4f} mm/s, within 1 and 2 sigma {found.one_sigma:.0%} and "
+            f"{found.two_sigma:.0%}"
         )
     print()
 
@@ -249,14 +269,25 @@ def figures(rows: dict[str, dict[str, Errors]]) -> dict[str, Figure]:
     return found
 
 
+def smoothed_figures(smoothed: dict[str, Hindsight]) -> dict[str, Figure]:
+    """Return position and velocity between impacts, smoothed, with the filter's as baseline."""
+    found = {}
+    for rig, each in smoothed.items():
+        position, velocity = 1e6 * each.filter_position, 1e3 * each.filter_velocity
+        found[f"{rig}_mm_smoothed_position"] = Figure(1e6 * each.position, "um", position, "the filter")
+        found[f"{rig}_mm_smoothed_velocity"] = Figure(1e3 * each.velocity, "mm/s", velocity, "the filter")
+    return found
+
+
 def main() -> None:
     """Measure and report."""
     options = parser(__doc__).parse_args()
-    rows, named = table(), (regime.drawn(), regime.plain())
+    rows, smoothed, named = table(), smoothings(), (regime.drawn(), regime.plain())
     if not options.json:
-        print_table(rows, calibrations())
+        print_table(rows, calibrations(), smoothed)
         regime.print_table(*named)
-    show(figures(rows) | regime.figures(*named) | costs(), options.json)
+    found = figures(rows) | smoothed_figures(smoothed) | regime.figures(*named)
+    show(found | costs(), options.json)
 
 
 if __name__ == "__main__":

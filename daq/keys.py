@@ -40,6 +40,7 @@ class Topic(NamedTuple):
 TOPICS = (
     Topic("rig/*/daq/block", "Block", Delivery.LOSSLESS, 3000, recorded=True),
     Topic("rig/*/twin/estimate", "Estimate", Delivery.LOSSLESS, 3000, recorded=True),
+    Topic("rig/*/twin/smoothed", "Smoothed", Delivery.PLAIN, 0, recorded=False),
     Topic("rig/*/emulator/truth", "Truth", Delivery.LOSSLESS, 3000, recorded=True),
     Topic("rig/*/daq/event", "Event", Delivery.LOSSLESS, 1000, recorded=True),
     Topic("rig/*/twin/event", "Event", Delivery.LOSSLESS, 1000, recorded=True),
@@ -91,6 +92,11 @@ def block(rig: str) -> str:
 def estimate(rig: str) -> str:
     """Return the key of the twin's states and virtual sensors."""
     return f"rig/{part(rig)}/twin/estimate"
+
+
+def smoothed(rig: str) -> str:
+    """Return the key of the motion with hindsight, which only recordings hold."""
+    return f"rig/{part(rig)}/twin/smoothed"
 
 
 def truth(rig: str) -> str:

@@ -60,6 +60,24 @@ class Estimate(_message.Message):
     stride: int
     def __init__(self, timestamp: _Optional[float] = ..., run: _Optional[str] = ..., first_sample: _Optional[int] = ..., rate: _Optional[float] = ..., status: _Optional[int] = ..., channels: _Optional[_Iterable[_Union[Channel, _Mapping]]] = ..., stride: _Optional[int] = ...) -> None: ...
 
+class Smoothed(_message.Message):
+    __slots__ = ("timestamp", "run", "first_sample", "rate", "status", "channels", "stride")
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
+    RUN_FIELD_NUMBER: _ClassVar[int]
+    FIRST_SAMPLE_FIELD_NUMBER: _ClassVar[int]
+    RATE_FIELD_NUMBER: _ClassVar[int]
+    STATUS_FIELD_NUMBER: _ClassVar[int]
+    CHANNELS_FIELD_NUMBER: _ClassVar[int]
+    STRIDE_FIELD_NUMBER: _ClassVar[int]
+    timestamp: float
+    run: str
+    first_sample: int
+    rate: float
+    status: int
+    channels: _containers.RepeatedCompositeFieldContainer[Channel]
+    stride: int
+    def __init__(self, timestamp: _Optional[float] = ..., run: _Optional[str] = ..., first_sample: _Optional[int] = ..., rate: _Optional[float] = ..., status: _Optional[int] = ..., channels: _Optional[_Iterable[_Union[Channel, _Mapping]]] = ..., stride: _Optional[int] = ...) -> None: ...
+
 class Truth(_message.Message):
     __slots__ = ("timestamp", "run", "first_sample", "rate", "status", "channels", "stride")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]

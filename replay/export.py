@@ -48,7 +48,8 @@ def export(
     Args:
         source: recording; its continuations are taken along.
         target: file to make: .tdms, .h5, .mf4, .mat, .uff, .parquet, .wav or .csv; never overwritten.
-        series: block (what was measured), estimate (the twin's) or truth (an emulated rig's).
+        series: block (what was measured), estimate (the twin's), smoothed (its motion with hindsight) or
+            truth (an emulated rig's).
         names: channels wanted, in this order; None: all.
         first: index of the first sample wanted.
         last: index of the last sample wanted; None: the last there is.

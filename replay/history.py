@@ -87,7 +87,7 @@ class RepeatableRun(RecordedRun):
         self.blocks.add(block.first_sample, series_end(block))
 
     def decoded(self, key: str) -> Iterator[Series]:
-        """Yield the messages of block, estimate or truth, in the order of the files."""
+        """Yield the messages of a series, by its name in `SERIES_KEYS`, in the order of the files."""
         decoder = SeriesDecoder()
         for message in self.messages(SERIES_KEYS[key](self.description.rig)):
             yield decoder.decode(message.payload)

@@ -24,7 +24,7 @@ class Stretch:
 
     Args:
         path: recording.
-        series: block, estimate or truth.
+        series: block, estimate, smoothed or truth.
         names: channels wanted, in this order; None: all.
         first: index of the first sample wanted.
         last: index of the last sample wanted; None: the last there is.

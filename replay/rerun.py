@@ -84,13 +84,19 @@ class Repetition:
         return self._estimates.decode(made[keys.estimate(self._rig.name)])
 
 
-def estimate(source: str | Path, target: str | Path, progress: Progress = lambda sample: None) -> Certificate:
+def estimate(
+    source: str | Path,
+    target: str | Path,
+    progress: Progress = lambda sample: None,
+    smooth: bool = False,
+) -> Certificate:
     """Write a recording anew, with fresh estimates over every block in place of the twin's messages.
 
     Args:
         source: recording; its continuations are taken along.
         target: recording to write; an existing file is refused.
         progress: called with the index behind each block.
+        smooth: whether to write the motion with hindsight as well, a series of its own.
 
     Returns:
         The certificate of the new recording.
@@ -102,10 +108,11 @@ def estimate(source: str | Path, target: str | Path, progress: Progress = lambda
     with RepeatableRun(source) as run:
         run.check_files()
         description = run.description
-        twin = Twin(rig_of(run), description.run, description.t0_ns)
+        twin = Twin(rig_of(run), description.run, description.t0_ns, smooth)
         stretches = left_out(run.events())
         with RecordingWriter(target, description) as writer:
-            writer.note("twin", {"source": run.path.name, **versions()})
+            told = {"smoothed": "yes"} if smooth else {}
+            writer.note("twin", {"source": run.path.name, **told, **versions()})
             with ahead(without_twin(run)) as messages, behind(writer.add) as write:
                 for message in messages:
                     write(message.key, message.payload)

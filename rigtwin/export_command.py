@@ -19,9 +19,10 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help="file to write")
     parser.add_argument(
         "--series",
-        choices=("block", "estimate", "truth"),
+        choices=("block", "estimate", "smoothed", "truth"),
         default="block",
-        help="what was measured, the twin's estimates or an emulated rig's truth (default: block)",
+        help="what was measured, the twin's estimates, its motion smoothed by `rigtwin twin --smooth`, or an "
+        "emulated rig's truth (default: block)",
     )
     parser.add_argument("--channels", metavar="NAMES", help="some channels only, separated by commas")
     parser.add_argument(

@@ -26,6 +26,12 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     twin.add_argument("file", type=Path, metavar="FILE")
     twin.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help="recording to write")
     twin.add_argument(
+        "--smooth",
+        action="store_true",
+        help="also write the series `smoothed`: displacement and velocity with hindsight, several times as "
+        "near between impacts; the estimates stay as they are",
+    )
+    twin.add_argument(
         "--rig-out",
         type=Path,
         metavar="FOUND.toml",
@@ -56,7 +62,7 @@ def run_twin(options: argparse.Namespace) -> int:
     if options.rig_out and options.rig_out.exists():
         raise RecordingError(f"{options.rig_out} exists already; rigtwin overwrites nothing, choose another")
     with progress(options.file) as advance:
-        estimate(options.file, options.output, advance)
+        estimate(options.file, options.output, advance, options.smooth)
     print(brief(options.output))
     with Recording(options.output) as recording:
         print("\n".join(found.lines(found.facts(found.last_summary(recording)))))

@@ -18,6 +18,7 @@ from twin.findings import Findings, RegimeChange
 from twin.health import Health
 from twin.inputs import too_late
 from twin.observer import Observer
+from twin.smoothing import NAMES, UNITS, Smoothed, Smoothing
 from twin.trust import Change, Trust
 
 SOURCE = "twin"
@@ -35,12 +36,13 @@ class Twin:
         rig: with a model.
         run: run id, as in the blocks.
         t0_ns: UTC of sample 0 in ns since 1970.
+        smooth: whether to tell the motion with hindsight as well, up to half a second later.
 
     Raises:
         RigError: the rig has no model, or not the channels that the observer needs.
     """
 
-    def __init__(self, rig: Rig, run: str, t0_ns: int) -> None:
+    def __init__(self, rig: Rig, run: str, t0_ns: int, smooth: bool = False) -> None:
         self.run = run
         self.observer = Observer(rig)
         self.samples = 0
@@ -53,6 +55,7 @@ class Twin:
         self._findings = Findings(rig)
         self._health = Health(rig, self.observer.tuning)
         self._trust = Trust(self.observer)
+        self._smoothing = Smoothing(self.observer) if smooth else None
         self._first_out = ""
         self._rate = rig.acquisition.rate
         self._t0 = t0_ns * 1e-9
@@ -62,6 +65,8 @@ class Twin:
         self._largest_residual = rig.capture.residual
         self._decoder = SeriesDecoder()
         self._encoder = SeriesEncoder(run, self._rate, self.observer.names, self.observer.units, STRIDE)
+        self._smoothed_encoder = SeriesEncoder(run, self._rate, NAMES, UNITS, STRIDE)
+        self._smoothed_key = keys.smoothed(rig.name)
         self._keys = keys.estimate(rig.name), keys.twin_summary(rig.name), keys.event(rig.name, SOURCE)
 
     def process(self, payload: bytes, cause: str = "not received") -> list[tuple[str, bytes]]:
@@ -77,6 +82,7 @@ class Twin:
             self._passed_over = True
             return []
         estimated = self.observer.update(block)
+        smoothed = self._smoothing.add(block, estimated) if self._smoothing else []
         messages = self._events(estimated, NOT_RECORDED if self._passed_over else cause)
         self._passed_over = False
         faults = self._health.add(block, estimated)
@@ -87,7 +93,7 @@ class Twin:
         self.samples += estimated.n_samples
         if self._findings.is_due:
             messages += self._summary()
-        return messages
+        return messages + [self._smoothed(each) for each in smoothed]
 
     def _estimate(self, estimated: Estimated) -> tuple[str, bytes]:
         """Return the estimate's message."""
@@ -95,6 +101,13 @@ class Twin:
         values = estimated.samples.astype(np.float32)
         return self._keys[0], self._encoder.encode(
             timestamp, estimated.first_sample, estimated.status, values
+        )
+
+    def _smoothed(self, smoothed: Smoothed) -> tuple[str, bytes]:
+        """Return the message of the motion with hindsight."""
+        timestamp, values = self._time(smoothed.first_sample), smoothed.samples.astype(np.float32)
+        return self._smoothed_key, self._smoothed_encoder.encode(
+            timestamp, smoothed.first_sample, smoothed.status, values
         )
 
     def _summary(self) -> list[tuple[str, bytes]]:
@@ -116,7 +129,9 @@ class Twin:
 
     def finish(self) -> list[tuple[str, bytes]]:
         """Return what is left to publish at the run's end."""
-        return self._region(self.observer.expected or 0, ending=True)
+        smoothed = self._smoothing.finish() if self._smoothing else []
+        messages = [self._smoothed(each) for each in smoothed]
+        return messages + self._region(self.observer.expected or 0, ending=True)
 
     def _region(self, sample: int, ending: bool = False) -> list[tuple[str, bytes]]:
         """Return the event of a region that is over."""

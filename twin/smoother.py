@@ -1,9 +1,9 @@
 """Smoothing between impacts: what the readings after a moment tell of it as well.
 
-Out of contact the rotor is linear in its tilt, its rate, the static moment and the unbalance, eight states. Over a
-stretch of flight the Kalman filter runs forwards on the probes; the modified Bryson-Frazier recursion (Bierman
-1977, Factorization Methods for Discrete Sequential Estimation, ch. X) then goes back over what it has kept,
-without inverting a covariance:
+Out of contact the rotor is linear in its tilt, its rate, the static moment and the unbalance, eight states.
+Over a stretch of flight the Kalman filter runs forwards on the probes; the modified Bryson-Frazier recursion
+(Bierman 1977, Factorization Methods for Discrete Sequential Estimation, ch. X) then goes back over what it
+has kept, without inverting a covariance:
 
     at a reading    l <- (1 - H'K') l - H' e / s       L <- (1 - KH)' L (1 - KH) + H'H / s
     over a tick     l <- F' l                          L <- F' L F
@@ -29,10 +29,12 @@ class Flight(NamedTuple):
     """A stretch of contact-free flight of n ticks; the first has been taken in already."""
 
     flow: np.ndarray  # (MOVING, MOVING + 2) one tick, of motion and of a moment along x, y (N m)
+    faster: np.ndarray  # (MOVING, MOVING + 2) how the flow changes with the shaft's speed, per rad/s
+    speeds: np.ndarray  # (n,) rad/s from one tick to the next, more than the flow's
     pulls: np.ndarray  # (n, 2) N m per kg m of unbalance from one tick to the next, see `unbalance_pull`
     noise: float  # (rad/s)2 that a tick adds to the variance of each rate
     readings: np.ndarray  # (m, n) of the probes; NaN: none
-    rows: np.ndarray  # (m, 2) unit of the reading per rad of tilt along x, y
+    rows: np.ndarray  # (m, MOVING) unit of the reading per unit of what moves
     variance: np.ndarray  # (m,) of the readings' noise
 
 
@@ -74,15 +76,15 @@ def smooth(flight: Flight, tape: Tape) -> None:
 @kernel
 def transition(flight: Flight, k: int, out: np.ndarray) -> None:
     """Set `out` (SIZE, SIZE) to the transition from tick k - 1 to tick k."""
-    flow, pull_x, pull_y = flight.flow, flight.pulls[k - 1, 0], flight.pulls[k - 1, 1]
+    pull_x, pull_y = flight.pulls[k - 1, 0], flight.pulls[k - 1, 1]
     for i in range(SIZE):
         for j in range(SIZE):
             out[i, j] = 1.0 if i == j else 0.0
     for i in range(MOVING):
         for j in range(MOVING + 2):
-            out[i, j] = flow[i, j]
-        out[i, UNBALANCE] = flow[i, MOMENT] * pull_x + flow[i, MOMENT + 1] * pull_y
-        out[i, UNBALANCE + 1] = flow[i, MOMENT + 1] * pull_x - flow[i, MOMENT] * pull_y
+            out[i, j] = flight.flow[i, j] + flight.speeds[k - 1] * flight.faster[i, j]
+        out[i, UNBALANCE] = out[i, MOMENT] * pull_x + out[i, MOMENT + 1] * pull_y
+        out[i, UNBALANCE + 1] = out[i, MOMENT + 1] * pull_x - out[i, MOMENT] * pull_y
 
 
 @kernel
@@ -117,10 +119,14 @@ def correct(flight: Flight, tape: Tape, k: int, probe: int) -> None:
     if not np.isfinite(reading):
         return
     state, covariance, gain = tape.state[k], tape.covariance[k], tape.gain[k, probe]
+    expected, innovation = flight.variance[probe], reading
     for i in range(SIZE):
-        gain[i] = covariance[i, 0] * row[0] + covariance[i, 1] * row[1]
-    expected = flight.variance[probe] + row[0] * gain[0] + row[1] * gain[1]
-    innovation = reading - row[0] * state[0] - row[1] * state[1]
+        gain[i] = 0.0
+        for j in range(MOVING):
+            gain[i] += covariance[i, j] * row[j]
+    for j in range(MOVING):
+        expected += row[j] * gain[j]
+        innovation -= row[j] * state[j]
     for i in range(SIZE):
         gain[i] /= expected
         state[i] += gain[i] * innovation
@@ -133,8 +139,7 @@ def correct(flight: Flight, tape: Tape, k: int, probe: int) -> None:
 @kernel
 def go_back(flight: Flight, tape: Tape) -> None:
     """Go from the stretch's end to its begin, and make the tape's states and covariances smoothed ones."""
-    ahead, turned, half, weight = tape.work[0], tape.work[1], tape.work[2], tape.work[3]
-    pull, moved = tape.vector[0], tape.vector[1]
+    turned, half, weight, pull = tape.work[1], tape.work[2], tape.work[3], tape.vector[0]
     pull[:] = 0.0
     weight[:, :] = 0.0
     for k in range(flight.readings.shape[1] - 1, -1, -1):
@@ -150,16 +155,24 @@ def go_back(flight: Flight, tape: Tape) -> None:
             return
         for probe in range(flight.readings.shape[0] - 1, -1, -1):
             take_back(flight, tape, k, probe)
-        transition(flight, k, ahead)
-        transpose(ahead, turned)
-        for i in range(SIZE):
-            moved[i] = 0.0
-            for j in range(SIZE):
-                moved[i] += turned[i, j] * pull[j]
-        for i in range(SIZE):
-            pull[i] = moved[i]
-        multiply(turned, weight, half)
-        multiply(half, ahead, weight)
+        carry_back(flight, tape, k)
+
+
+@kernel
+def carry_back(flight: Flight, tape: Tape, k: int) -> None:
+    """Go back from tick k to tick k - 1."""
+    ahead, turned, half, weight = tape.work[0], tape.work[1], tape.work[2], tape.work[3]
+    pull, moved = tape.vector[0], tape.vector[1]
+    transition(flight, k, ahead)
+    transpose(ahead, turned)
+    for i in range(SIZE):
+        moved[i] = 0.0
+        for j in range(SIZE):
+            moved[i] += turned[i, j] * pull[j]
+    for i in range(SIZE):
+        pull[i] = moved[i]
+    multiply(turned, weight, half)
+    multiply(half, ahead, weight)
 
 
 @kernel
@@ -177,11 +190,11 @@ def take_back(flight: Flight, tape: Tape, k: int, probe: int) -> None:
             along[i] += weight[i, j] * gain[j]
     for i in range(SIZE):
         square += gain[i] * along[i]
-    for axis in range(2):
-        pull[axis] -= row[axis] * told
+    for i in range(MOVING):
+        pull[i] -= row[i] * told
         for j in range(SIZE):
-            weight[axis, j] -= row[axis] * along[j]
-            weight[j, axis] -= row[axis] * along[j]
-    for i in range(2):
-        for j in range(2):
+            weight[i, j] -= row[i] * along[j]
+            weight[j, i] -= row[i] * along[j]
+    for i in range(MOVING):
+        for j in range(MOVING):
             weight[i, j] += row[i] * row[j] * square

@@ -20,8 +20,8 @@ from daq.messages_pb2 import Event
 from daq.recording.fingerprint import numeric_fingerprint
 from daq.series_layout import HeaderLayout, Layout, variable
 
-SERIES = ("Block", "Estimate", "Truth")
-DIGESTED = {"Block": "block", "Estimate": "estimate", "Truth": "truth"}
+DIGESTED = {"Block": "block", "Estimate": "estimate", "Smoothed": "smoothed", "Truth": "truth"}
+SERIES = tuple(DIGESTED)
 QUALITY = ~int(TIMING_FLAGS)
 LATE = int(BlockStatus.LATE)
 SIGNAL = struct.Struct("<QIII")
@@ -40,7 +40,7 @@ class Certificate:
         late: blocks that came late although nothing was lost.
         messages: number of messages of each topic.
         file_digest: SHA-256 of all payloads in the order of the file.
-        signal_digests: SHA-256 of the samples of block, estimate and truth, without run id and wall time.
+        signal_digests: SHA-256 of the samples of each series, without run id and wall time.
         fingerprint: what the numbers depend on, see `daq.recording.fingerprint`.
         clean: whether the run's end was seen.
         continued: whether the recorder went on in the next part.
@@ -212,7 +212,7 @@ class Ledger:
         return self.covered("Block")
 
     def covered(self, kind: str) -> Coverage:
-        """Return which samples a series has: of kind Block, Estimate or Truth."""
+        """Return which samples a series has: of a kind of `SERIES`."""
         return self._coverage.setdefault(kind, Coverage())
 
     def end_of(self, kind: str) -> int:

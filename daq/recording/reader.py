@@ -35,7 +35,12 @@ LATEST = 2**64 - 1  # log time
 FACTS = ("run", "first_sample", "rig", "rate", "t0_ns", "t0_uncertainty_ns", "t0_source", "mode")
 META = "meta"
 """Name of the metadata record of what people told of the run."""
-SERIES_KEYS = {"block": keys.block, "estimate": keys.estimate, "truth": keys.truth}
+SERIES_KEYS = {
+    "block": keys.block,
+    "estimate": keys.estimate,
+    "smoothed": keys.smoothed,
+    "truth": keys.truth,
+}
 
 
 class Message(NamedTuple):
@@ -200,7 +205,7 @@ class Recording:
         """Return channels as one array.
 
         Args:
-            key: block, estimate or truth.
+            key: block, estimate, smoothed or truth.
             names: channels wanted, in this order; None: all.
             first: index of the first sample wanted.
             last: index of the last sample wanted; None: the last there is.
@@ -211,7 +216,7 @@ class Recording:
         return joined(self.pieces(key, first, last), names, first, last, f"{self.path}: {key}")
 
     def pieces(self, key: str, first: int = 0, last: int | None = None) -> list[Series]:
-        """Return the messages of block, estimate or truth that have samples from `first` to `last`, in order.
+        """Return the messages of a series that have samples from `first` to `last`, in order.
 
         They are looked for from the end: the earliest is the last one that does not begin behind `first`.
         Raises RecordingError for another key.

@@ -39,7 +39,7 @@ class Head(NamedTuple):
     mode: str
     """LIVE, EMULATED, ..."""
     series: str
-    """block, estimate or truth."""
+    """block, estimate, smoothed or truth."""
     first_sample: int
     """Index of the first column since the run's start."""
     stride: int

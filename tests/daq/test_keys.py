@@ -5,6 +5,7 @@ from daq import keys, messages_pb2
 EVERY_KEY = [
     keys.block("a"),
     keys.estimate("a"),
+    keys.smoothed("a"),
     keys.truth("a"),
     keys.event("a", "daq"),
     keys.event("a", "twin"),

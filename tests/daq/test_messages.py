@@ -49,7 +49,9 @@ def test_committed_classes_are_those_of_the_proto_file(tmp_path):
         assert (tmp_path / "daq" / name).read_text() == (ROOT / "daq" / name).read_text()
 
 
-@pytest.mark.parametrize(("kind", "stride"), [(pb.Block, 0), (pb.Estimate, 5), (pb.Truth, 300)])
+@pytest.mark.parametrize(
+    ("kind", "stride"), [(pb.Block, 0), (pb.Estimate, 5), (pb.Smoothed, 5), (pb.Truth, 300)]
+)
 @pytest.mark.parametrize("n_samples", [0, 1, 31, 32, 250, 5000])
 def test_bytes_are_those_of_protobuf(kind, stride, n_samples):
     samples = some_samples(n_samples=n_samples)

@@ -90,7 +90,9 @@ def test_series_are_arrays_by_name_and_time(tmp_path):
     piece = recording.series("truth", first=251, last=300)
     assert piece.first_sample == 255
     np.testing.assert_array_equal(piece.samples, samples(255, 2, 10, 5))
-    with pytest.raises(RecordingError, match="no series is named 'blocks': there are block, estimate, truth"):
+    with pytest.raises(
+        RecordingError, match="no series is named 'blocks': there are block, estimate, smoothed, truth"
+    ):
         recording.series("blocks")
     with pytest.raises(RecordingError, match="block has no samples from index 99999 on"):
         recording.series(first=99_999)

@@ -370,7 +370,11 @@ def test_nothing_is_overwritten(tmp_path, recorded):
     [
         ("run.xlsx", {}, r"run\.xlsx: the suffix '\.xlsx' is no format to export to: choose of \.tdms, \.h5"),
         ("run.csv", {"names": ["force_tip"]}, "block has no channel 'force_tip': it has proximity_x, "),
-        ("run.csv", {"series": "blocks"}, "no series is named 'blocks': there are block, estimate, truth"),
+        (
+            "run.csv",
+            {"series": "blocks"},
+            "no series is named 'blocks': there are block, estimate, smoothed, truth",
+        ),
         ("run.csv", {"first": 10**6}, "no samples of block from index 1000000 to"),
     ],
 )

@@ -14,6 +14,7 @@ from tests.twin.cases import SETTLED
 from tests.twin.emulated import EmulatedRun
 from twin.estimate import STRIDE, Estimated, EstimateStatus
 from twin.observer import Observer
+from twin.smoothing import MOTION, NAMES, Smoothed, Smoothing
 
 LEAST = 5.0  # N, peak from which an impact must be met
 TOLERANCE = 25  # samples by which impacts may be apart
@@ -59,6 +60,18 @@ class Calibration(NamedTuple):
     force_two_sigma: float
 
 
+class Hindsight(NamedTuple):
+    """What smoothing makes better, over the columns that are smoothed."""
+
+    share: float  # of the contact-free columns, once settled, that are smoothed
+    filter_position: float  # m rms, along an axis
+    filter_velocity: float  # m/s rms
+    position: float
+    velocity: float
+    one_sigma: float  # share of smoothed positions and velocities within one standard deviation
+    two_sigma: float
+
+
 class Observation(NamedTuple):
     """An observer's estimates of a whole run."""
 
@@ -66,6 +79,7 @@ class Observation(NamedTuple):
     parts: list[Estimated]
     errors_squared: np.ndarray  # normalised, of the rotor's motion at each block's end, once settled
     observer: Observer
+    smoothed: list[Smoothed]  # empty unless it was asked for
 
     def row(self, name: str) -> np.ndarray:
         """Return one output over the run."""
@@ -77,21 +91,27 @@ class Observation(NamedTuple):
         return sum(bool(part.status & EstimateStatus.LOST) for part in self.parts)
 
 
-def observe(run: EmulatedRun, observer: Observer | None = None, without: Sequence[str] = ()) -> Observation:
-    """Let an observer see a run, `without` the channels whose names begin so."""
+def observe(
+    run: EmulatedRun, observer: Observer | None = None, without: Sequence[str] = (), smooth: bool = False
+) -> Observation:
+    """Let an observer see a run, `without` the channels whose names begin so, and `smooth` its motion."""
     observer = observer or Observer(run.rig)
+    smoothing, smoothed = Smoothing(observer), []
     deaf = [row for row, name in enumerate(run.rig.channels.names) if name.startswith(tuple(without))]
     parts, squared = [], []
     for block in run.blocks:
         samples = block.samples.copy()
         if without:
             samples[deaf] = np.nan
-        parts.append(observer.update(block._replace(samples=samples)))
+        block = block._replace(samples=samples)
+        parts.append(observer.update(block))
+        if smooth:
+            smoothed += smoothing.add(block, parts[-1])
         last = block.first_sample + samples.shape[1] - 1
         if last > SETTLED * run.rig.acquisition.rate:
             truth = np.array([run.truth[name][last] for name in ROTOR])
             squared.append(normalised(observer.memory.state[:4] - truth, observer.memory.covariance[:4, :4]))
-    return Observation(run, parts, np.array(squared), observer)
+    return Observation(run, parts, np.array(squared), observer, smoothed + smoothing.finish())
 
 
 def normalised(error: np.ndarray, covariance: np.ndarray) -> float:
@@ -197,6 +217,31 @@ def calibration_of(observations: Sequence[Observation]) -> Calibration:
         float(np.mean(moved < 2.0)),
         float(np.mean(pushed < 1.0)),
         float(np.mean(pushed < 2.0)),
+    )
+
+
+def hindsight_of(observations: Sequence[Observation]) -> Hindsight:
+    """Compare smoothed motion with the filter's, where it is smoothed and the run has settled."""
+    errors, before, normal, flown = [], [], [], 0
+    for seen in observations:
+        start = int(SETTLED * seen.run.rig.acquisition.rate) // STRIDE
+        smoothed = np.concatenate([each.samples for each in seen.smoothed], axis=1)
+        chosen = smoothed[NAMES.index("smoothed")] == 1.0
+        chosen[:start] = False
+        flown += np.count_nonzero(seen.run.truth["normal_force"][::STRIDE][start:] == 0.0)
+        truth = seen.run.rig.emulated_model.rotor.bearing_station * np.stack(
+            [seen.run.truth[name][::STRIDE] for name in ROTOR]
+        )
+        error = (smoothed[:4] - truth)[:, chosen]
+        errors.append(error)
+        before.append((np.stack([seen.row(name) for name in MOTION]) - truth)[:, chosen])
+        normal.append(np.abs(error / smoothed[4:8, chosen]))
+    after, filtered, ratio = (np.concatenate(each, axis=1) for each in (errors, before, normal))
+    return Hindsight(
+        after.shape[1] / float(flown),
+        *(sqrt(float(np.mean(each**2))) for each in (filtered[:2], filtered[2:], after[:2], after[2:])),
+        float(np.mean(ratio < 1.0)),
+        float(np.mean(ratio < 2.0)),
     )
 
 

@@ -9,7 +9,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.twin.accuracy import Observation, calibration_of, errors_of, observe, trace_of
+from tests.twin.accuracy import (
+    Observation,
+    calibration_of,
+    errors_of,
+    hindsight_of,
+    observe,
+    trace_of,
+)
 from tests.twin.cases import case_run
 
 QUICK = tuple(range(7001, 7004))
@@ -21,7 +28,11 @@ ONE_SIGMA, TWO_SIGMA = 0.683, 0.954  # shares of a normal distribution
 
 @cache
 def observed(rig: str, case: str, seeds: tuple[int, ...], without: str = "") -> list[Observation]:
-    return [observe(case_run(rig, case, seed), without=[without] if without else []) for seed in seeds]
+    plain = case == "mm" and not without
+    return [
+        observe(case_run(rig, case, seed), without=[without] if without else [], smooth=plain)
+        for seed in seeds
+    ]
 
 
 @SEEDS
@@ -50,6 +61,16 @@ def test_its_doubts_are_fair(rig, seeds):
     # Of the force more are within: the sensors cannot tell a law that is exact from one that nearly is.
     assert ONE_SIGMA - 0.05 < fair.force_one_sigma < 0.93
     assert fair.force_two_sigma > TWO_SIGMA - 0.05
+
+
+@SEEDS
+@RIGS
+def test_between_impacts_hindsight_helps_and_its_doubts_are_fair(rig, seeds):
+    found = hindsight_of(observed(rig, "mm", seeds))
+    assert found.share > 0.9
+    assert found.velocity < 0.5 * found.filter_velocity
+    assert found.position < found.filter_position
+    assert found.two_sigma == pytest.approx(TWO_SIGMA, abs=0.05)
 
 
 @SEEDS

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from daq.rig import Rig, load_rig, with_overrides
-from tests.twin.accuracy import observe
+from tests.twin.accuracy import hindsight_of, observe
 from tests.twin.cases import OVERSAMPLING, hidden_rig
 from tests.twin.emulated import EmulatedRun, emulate, run_up
 from twin.inputs import HOUSE_LATE, too_late
@@ -49,6 +49,13 @@ def test_with_the_delay_declared_innovations_are_white_and_as_large_as_expected(
     for ratio, correlation in innovations(run, declared(run.rig)).values():
         assert 0.9 < ratio < 1.1
         assert abs(correlation) < 0.06
+
+
+def test_late_readings_are_smoothed_as_well(run):
+    found = hindsight_of([observe(run, Observer(declared(run.rig)), smooth=True)])
+    assert found.share > 0.8
+    assert found.velocity < 0.5 * found.filter_velocity
+    assert found.position < found.filter_position
 
 
 def test_without_it_they_are_not(run):

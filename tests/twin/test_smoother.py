@@ -12,10 +12,12 @@ def drawn_flight() -> Flight:
     """Return a short flight of a made-up rotor, in units in which all numbers are near one."""
     draw = np.random.default_rng(4)
     flow = np.eye(MOVING, MOVING + 2) + 0.1 * draw.normal(size=(MOVING, MOVING + 2))
+    faster, speeds = 0.1 * draw.normal(size=flow.shape), draw.normal(size=TICKS)
     readings = draw.normal(size=(2, TICKS))
     readings[1, 7] = np.nan
-    rows = np.array([[1.0, 0.2], [-0.3, 1.5]])
-    return Flight(flow, draw.normal(size=(TICKS, 2)), 0.05, readings, rows, np.array([0.4, 0.7]))
+    rows = np.array([[1.0, 0.2, -0.1, 0.05], [-0.3, 1.5, 0.0, 0.2]])
+    pulls, variance = draw.normal(size=(TICKS, 2)), np.array([0.4, 0.7])
+    return Flight(flow, faster, speeds, pulls, 0.05, readings, rows, variance)
 
 
 def batch(flight: Flight, state: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -36,7 +38,7 @@ def batch(flight: Flight, state: np.ndarray, covariance: np.ndarray) -> tuple[np
     for k in range(1, TICKS):
         for probe in range(2):
             if np.isfinite(flight.readings[probe, k]):
-                row = flight.rows[probe] @ maps[k, :2]
+                row = flight.rows[probe] @ maps[k, :MOVING]
                 information += np.outer(row, row) / flight.variance[probe]
                 right += row * flight.readings[probe, k] / flight.variance[probe]
     solved, spread = np.linalg.solve(information, right), np.linalg.inv(information)
