@@ -78,8 +78,10 @@ class Window:
             tape = self._begun(begin, flight)
             smooth(flight, tape)
             ticks = self._at[begin:end] - self._at[begin]
-            told[:MOVING, begin:end] = station * tape.state[ticks, :MOVING].T
             squares = tape.covariance[ticks, :MOVING, :MOVING].diagonal(axis1=1, axis2=2)
+            if not (squares > 0.0).all():  # rounding has spoilt it, or the observer's state was no number
+                continue
+            told[:MOVING, begin:end] = station * tape.state[ticks, :MOVING].T
             told[MOVING:-1, begin:end] = station * np.sqrt(squares.T)
             told[-1, begin:end] = 1.0
         return np.split(told, np.flatnonzero(np.diff(self._block)) + 1, axis=1)
