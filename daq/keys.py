@@ -56,6 +56,9 @@ TOPICS = (
 )
 """The service table. A query's reply is an `Answer`, of `daq/description` the `Description` itself."""
 
+RECORDED = "recorded"
+"""Announced like a process, by a recorder that has everything: one that has only gone may come back."""
+
 SCHEMAS = {topic.pattern: topic.message for topic in TOPICS}
 """Message name of each key pattern."""
 

@@ -32,6 +32,8 @@ LINGER = 5.0
 """s that the recorder may take at the end to fetch what it missed."""
 FAREWELL = 0.3
 """s that the last messages have to leave when nobody records."""
+AWAY = 3.0
+"""s at the end in which a recorder may come back that the link gave up, because it was stopped for long."""
 
 
 class ServiceError(RuntimeError):
@@ -157,9 +159,14 @@ class Service:
     def _finish(self) -> None:
         """Publish the end and stay until the recorder has everything."""
         self._acquisition.end()
-        recorded = "recorder" in self._presence
-        deadline = time.monotonic() + (LINGER if recorded else FAREWELL)
-        while time.monotonic() < deadline and (not recorded or "recorder" in self._presence):
+        patience = AWAY if self._presence.has_seen("recorder") else FAREWELL
+        begun = last_there = time.monotonic()
+        while not self._presence.has_seen(keys.RECORDED):
+            now = time.monotonic()
+            if "recorder" in self._presence:
+                last_there = now
+            if now > last_there + patience or now > begun + LINGER:
+                return
             self._serve(0.02)
 
     def _cycle(self) -> None:

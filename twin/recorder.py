@@ -238,7 +238,9 @@ class Recorder:
         has_truth = not ledger.end_of("Truth") or ledger.reaches("Truth", end)
         if elapsed < DAQ_DRAIN and not (has_blocks and has_truth and quiet):
             return False
-        self._token.close()  # the daq waits for nothing else
+        if not self._token.closed:
+            self._link.announce(keys.alive(self._rig.name, keys.RECORDED))  # the daq waits for nothing else
+            self._token.close()
         if "twin" not in self._presence or elapsed > TWIN_DRAIN:
             return True
         return ledger.reaches("Estimate", end) and quiet

@@ -94,6 +94,7 @@ class Service:
         self._end: tuple[str, int] | None = None  # run that has ended, and the index behind its last sample
         self._ended_at = 0.0
         self._heard = self._recorder_heard = time.monotonic()
+        self._has_recorder = False
         self._status_due = 0.0
         self._wall, self._cpu = time.monotonic(), time.process_time()
         self._presence = Presence(rig.name, data)
@@ -129,7 +130,7 @@ class Service:
             self._newest = read_header(payload).sample
 
     def _hear_recorder(self, _key: str, _payload: bytes) -> None:
-        self._recorder_heard = time.monotonic()
+        self._recorder_heard, self._has_recorder = time.monotonic(), True
 
     def _take(self, key: str, payload: bytes) -> None:
         """Process one message; one that is not readable is left out and said once."""
@@ -216,6 +217,8 @@ class Service:
         """Tell whether the recorder has had its time to fetch what it missed."""
         since = now - max(self._ended_at, self._heard)
         silent = now - self._recorder_heard > RECORDER_SILENCE
+        if self._has_recorder and "daq" in self._presence:
+            silent = False  # the daq waits for it: it may have been stopped for long, and come back
         return since > LINGER or (since > FAREWELL and silent)
 
     def _publish_status(self) -> None:

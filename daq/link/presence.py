@@ -10,22 +10,32 @@ class Presence:
     """Follows the announcements of a rig's processes on one or more links."""
 
     def __init__(self, rig: str, *links: Link) -> None:
-        self._seen: list[set[str]] = []
+        self._there: list[set[str]] = []
+        self._seen: set[str] = set()
         for link in links:
-            seen: set[str] = set()
-            self._seen.append(seen)
-            link.watch(keys.alive(rig, "*"), _follow(seen))
+            there: set[str] = set()
+            self._there.append(there)
+            link.watch(keys.alive(rig, "*"), _follow(there, self._seen))
 
     def __contains__(self, process: str) -> bool:
-        return any(process in seen for seen in self._seen)
+        return any(process in there for there in self._there)
+
+    def has_seen(self, process: str) -> bool:
+        """Tell whether a process is there or has been."""
+        return process in self._seen
 
     def missing(self, processes: tuple[str, ...]) -> list[str]:
         """Return those of `processes` that are not there."""
         return [process for process in processes if process not in self]
 
 
-def _follow(seen: set[str]) -> Callable[[str, bool], None]:
+def _follow(there: set[str], seen: set[str]) -> Callable[[str, bool], None]:
     def change(key: str, is_there: bool) -> None:
-        (seen.add if is_there else seen.discard)(keys.process_of(key))
+        process = keys.process_of(key)
+        if is_there:
+            there.add(process)
+            seen.add(process)
+        else:
+            there.discard(process)
 
     return change
