@@ -139,6 +139,8 @@ def _process(twin: Twin, payload: bytes, cause: str = NOT_RECEIVED) -> list[tupl
 
 def _cause(twin: Twin, payload: bytes, stretches: Sequence[tuple[int, int]]) -> str:
     """Return why samples before a block are missing, if any are: as live, not lost if some were left out."""
+    if not stretches:
+        return NOT_RECEIVED
     sample, expected = read_header(payload).sample, twin.observer.expected or 0
     omitted = any(first < sample and last >= expected for first, last in stretches)
     return NOT_RECORDED if omitted else NOT_RECEIVED
